@@ -1,0 +1,1 @@
+"""Point clouds and the grids laid over them."""

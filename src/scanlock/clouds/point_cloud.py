@@ -1,0 +1,131 @@
+"""The one gate that points pass: shape, finiteness, type and precision are settled here."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scanlock.arrays import Labels, Points, Vector, frozen
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+
+_LOCAL_LIMIT = 10_000.0
+"""Median distance from zero [m] beyond which coordinates are recentred.
+
+No lidar reaches this far, so such coordinates are map projections, whose millions of metres
+would cost digits in every product.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointCloud:
+    """Finite points in local coordinates, with the way back to the caller's rows and frame.
+
+    Build one with `PointCloud.from_array`; the constructor expects checked parts.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+        C-contiguous float64 and read-only; ``points + origin`` are the caller's coordinates.
+    origin : (3,) [m]
+        Zero for sensor frames; a point of the cloud for map-projection coordinates.
+    rows : (n,)
+        The row of the caller's array that each point came from.
+    input_count : int
+        Rows of the caller's array; ``input_count - len(points)`` rows held NaN or Inf.
+    """
+
+    points: Points
+    origin: Vector
+    rows: Labels
+    input_count: int
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.origin, self.rows):
+            frozen(array)
+
+    @classmethod
+    def from_array(cls, array: ArrayLike, name: str = "points") -> "PointCloud":
+        """Return the cloud of an (n, 3+) array; columns past the third are ignored.
+
+        Rows with NaN or Inf in their coordinates are left out and counted. The array is copied
+        if and only if it is not already C-contiguous (n, 3) float64, and never written to.
+
+        Raises
+        ------
+        InvalidInput
+            Not a real-valued (n, 3+) array, or no finite row in it; `name` says which argument.
+        """
+        if isinstance(array, PointCloud):
+            return array
+        raw = np.asarray(array)
+        if raw.ndim != 2 or raw.shape[1] < 3:
+            raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
+        if raw.dtype.kind not in "fiu":
+            raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}")
+        xyz = np.ascontiguousarray(raw[:, :3], dtype=np.float64)
+        # One sum tells whether any value is not finite without a mask of all of them; a sum
+        # that overflows only costs the slow path.
+        with np.errstate(over="ignore", invalid="ignore"):
+            all_finite = bool(np.isfinite(xyz.sum()))
+        if all_finite:
+            rows = np.arange(len(xyz), dtype=np.int64)
+        else:
+            rows = np.flatnonzero(np.isfinite(xyz).all(axis=1)).astype(np.int64)
+            xyz = xyz[rows]
+        if len(xyz) == 0:
+            raise InvalidInput(
+                f"{name} holds no finite point ({len(raw)} rows); check the reader or the filter "
+                "before it"
+            )
+        origin = _recentring(xyz)
+        if origin.any():
+            xyz = xyz - origin
+        # A view, so that freezing it leaves the caller's own array writable.
+        return cls(points=xyz.view(), origin=origin, rows=rows, input_count=len(raw))
+
+    @property
+    def dropped_count(self) -> int:
+        """How many rows of the caller's array held NaN or Inf."""
+        return self.input_count - len(self.points)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def to_input_rows(self, values: Labels, fill: int = -1) -> Labels:
+        """Return one value for each row of the caller's array; `fill` for rows left out."""
+        full = np.full(self.input_count, fill, dtype=np.int64)
+        full[self.rows] = values
+        return full
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PointCloud, (
+            np.array(self.points),
+            np.array(self.origin),
+            np.array(self.rows),
+            self.input_count,
+        )
+
+
+def local_pose(target_from_source: Pose, target: PointCloud, source: PointCloud) -> Pose:
+    """Return a pose between the caller's frames as a pose between the clouds' local ones."""
+    translation = (
+        target_from_source.rotation @ source.origin + target_from_source.translation
+    ) - target.origin
+    return Pose(target_from_source.rotation, translation)
+
+
+def caller_pose(local: Pose, target: PointCloud, source: PointCloud) -> Pose:
+    """Return a pose between local frames as the pose between the caller's; see `local_pose`."""
+    translation = target.origin + local.translation - local.rotation @ source.origin
+    return Pose(local.rotation, translation)
+
+
+def _recentring(xyz: Points) -> Vector:
+    # A few hundred rows tell where the cloud lies; whole metres keep the shift exact.
+    sample = xyz[:: max(1, len(xyz) // 512)]
+    centre = np.median(sample, axis=0)
+    if np.abs(centre).max() < _LOCAL_LIMIT:
+        return np.zeros(3)
+    return np.round(centre)

@@ -1,0 +1,150 @@
+"""The rigid motion between two frames, and the conventions that all of scanlock keeps.
+
+======================= ==========================================================================
+roles                   ``target`` stays, ``source`` moves (the papers' reference and scene)
+transforms              ``a_from_b``; chains cancel: ``a_from_c = a_from_b @ b_from_c``
+angles, lengths         radians and metres; degrees only at the command line and in reports, where
+                        the name ends in ``_deg``
+step vector             ``(rho, phi)``: translation first, as in the papers; SciPy has it the other
+                        way round
+retraction              ``y -> exp(phi) y + rho`` for a point ``y`` already in the target frame;
+                        its Jacobian is ``[I, -hat(y)]``
+======================= ==========================================================================
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scanlock.arrays import Matrix, Points, Vector, frozen
+from scanlock.errors import InvalidInput
+from scanlock.geometry.rotations import exp_rotation, nearest_rotation, rotation_angle
+
+_ROTATION_TOLERANCE = 1e-2
+"""How far a given matrix may be from a rotation before it is refused rather than mended.
+
+Printed matrices of a few digits are off by 1e-6 to 1e-3; scale or shear is off by far more.
+"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A rigid motion ``x -> rotation @ x + translation``.
+
+    Attributes
+    ----------
+    rotation : (3, 3)
+        Orthonormal with determinant +1; read-only.
+    translation : (3,) [m]
+        Read-only.
+    """
+
+    rotation: Matrix
+    translation: Vector
+
+    def __post_init__(self) -> None:
+        for name, shape in (("rotation", (3, 3)), ("translation", (3,))):
+            array = np.array(getattr(self, name), dtype=np.float64, order="C")
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InvalidInput(
+                    f"{name} must be finite and of shape {shape}, got shape {array.shape}"
+                    + ("" if np.isfinite(array).all() else " with NaN or Inf")
+                )
+            frozen(array)
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def identity(cls) -> "Pose":
+        """Return the motion that moves nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_matrix(cls, matrix: ArrayLike) -> "Pose":
+        """Return the pose of a (4, 4) or (3, 4) homogeneous matrix.
+
+        A rotation part that is slightly off (printed with few digits) is replaced by the
+        nearest rotation.
+
+        Raises
+        ------
+        InvalidInput
+            Wrong shape, NaN, a last row other than (0, 0, 0, 1), or a 3x3 part that is no
+            rotation (scaled, sheared or mirrored).
+        """
+        try:
+            array = np.asarray(matrix, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(f"a pose must be a matrix of numbers: {error}") from error
+        if array.shape not in ((4, 4), (3, 4)) or not np.isfinite(array).all():
+            raise InvalidInput(
+                f"a pose must be a finite (4, 4) or (3, 4) matrix, got shape {array.shape}"
+            )
+        if array.shape == (4, 4) and not np.allclose(array[3], (0, 0, 0, 1), atol=1e-6):
+            raise InvalidInput(f"the last row of a pose must be 0 0 0 1, got {array[3].tolist()}")
+        rotation = nearest_rotation(array[:3, :3])
+        gap = float(np.abs(rotation - array[:3, :3]).max())
+        if gap > _ROTATION_TOLERANCE:
+            raise InvalidInput(
+                f"the 3x3 part of a pose must be a rotation; it is {gap:.3g} away from the nearest "
+                "one (scaled, sheared or mirrored?)"
+            )
+        return cls(rotation, array[:3, 3])
+
+    @classmethod
+    def from_step(cls, step: Vector) -> "Pose":
+        """Return the motion ``y -> exp(phi) y + rho`` of a step ``(rho, phi)`` [m, rad]."""
+        step = np.asarray(step, dtype=np.float64)
+        return cls(exp_rotation(step[3:]), step[:3])
+
+    @property
+    def matrix(self) -> Matrix:
+        """The (4, 4) homogeneous matrix, a fresh copy."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[:3, 3] = self.translation
+        return matrix
+
+    def apply(self, points: Points) -> Points:
+        """Return the moved (..., 3) points."""
+        return np.asarray(points) @ self.rotation.T + self.translation
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        return Pose(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> "Pose":
+        """Return the motion back."""
+        return Pose(self.rotation.T, -(self.rotation.T @ self.translation))
+
+    def retract(self, step: Vector) -> "Pose":
+        """Return this pose followed by a small step ``(rho, phi)`` in the target frame."""
+        moved = Pose.from_step(step) @ self
+        # Long chains of products drift off the rotations; one projection a step holds them.
+        return Pose(nearest_rotation(moved.rotation), moved.translation)
+
+    def distance(self, other: "Pose") -> tuple[float, float]:
+        """Return how far another pose is: translation [m] and rotation angle [rad]."""
+        translation = float(np.linalg.norm(self.translation - other.translation))
+        return translation, rotation_angle(self.rotation.T @ other.rotation)
+
+    def is_close(self, other: "Pose", *, translation: float, rotation: float) -> bool:
+        """Tell whether another pose lies within ``translation`` [m] and ``rotation`` [rad]."""
+        metres, radians = self.distance(other)
+        return metres <= translation and radians <= rotation
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pose):
+            return NotImplemented
+        return bool(
+            np.array_equal(self.rotation, other.rotation)
+            and np.array_equal(self.translation, other.translation)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.rotation.tobytes(), self.translation.tobytes()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Pose, (np.array(self.rotation), np.array(self.translation))

@@ -1,0 +1,92 @@
+"""Rotations of three-space as 3x3 matrices, and their logarithms."""
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Vector
+
+_SMALL_ANGLE = 1e-4
+"""Below this angle [rad] the series of sin(a)/a and (1-cos a)/a^2 are exact to rounding."""
+
+
+def hat(vector: Vector) -> Matrix:
+    """Return the skew matrix with ``hat(a) @ b == cross(a, b)``."""
+    x, y, z = vector
+    # fmt: off
+    return np.array([[0.0,  -z,   y],
+                     [  z, 0.0,  -x],
+                     [ -y,   x, 0.0]])
+    # fmt: on
+
+
+def exp_rotation(phi: Vector) -> Matrix:
+    """Return the rotation by ``|phi|`` [rad] about the axis ``phi`` (Rodrigues)."""
+    angle = float(np.linalg.norm(phi))
+    if angle < _SMALL_ANGLE:
+        sine_ratio = 1.0 - angle**2 / 6.0
+        cosine_ratio = 0.5 - angle**2 / 24.0
+    else:
+        sine_ratio = np.sin(angle) / angle
+        # 1 - cos(a) loses digits for small angles; the half-angle form does not.
+        cosine_ratio = 0.5 * (np.sin(angle / 2) / (angle / 2)) ** 2
+    generator = hat(phi)
+    return np.eye(3) + sine_ratio * generator + cosine_ratio * generator @ generator
+
+
+def log_rotation(rotation: Matrix) -> Vector:
+    """Return the axis times the angle [rad] in [0, pi] of a rotation; inverse of `exp_rotation`.
+
+    Goes through the unit quaternion, which stays accurate at angles near pi.
+    """
+    quaternion = quaternion_from_rotation(rotation)
+    scalar, vector = quaternion[0], quaternion[1:]
+    sine = float(np.linalg.norm(vector))
+    if sine < _SMALL_ANGLE:
+        return vector * (2.0 / scalar) * (1.0 - (sine / scalar) ** 2 / 3.0)
+    return vector * (2.0 * np.arctan2(sine, scalar) / sine)
+
+
+def rotation_angle(rotation: Matrix) -> float:
+    """Return the angle [rad] in [0, pi] of a rotation, accurate at both ends."""
+    return float(np.linalg.norm(log_rotation(rotation)))
+
+
+def quaternion_from_rotation(rotation: Matrix) -> Vector:
+    """Return the unit quaternion (w, x, y, z), w >= 0, of a rotation (Shepperd's method)."""
+    trace = float(np.trace(rotation))
+    squares = np.array([trace, *np.diag(rotation)])
+    largest = int(np.argmax(squares))
+    q = np.empty(4)
+    if largest == 0:
+        q[0] = 1.0 + trace
+        q[1] = rotation[2, 1] - rotation[1, 2]
+        q[2] = rotation[0, 2] - rotation[2, 0]
+        q[3] = rotation[1, 0] - rotation[0, 1]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[0] = rotation[k, j] - rotation[j, k]
+        q[1 + i] = 1.0 + rotation[i, i] - rotation[j, j] - rotation[k, k]
+        q[1 + j] = rotation[j, i] + rotation[i, j]
+        q[1 + k] = rotation[k, i] + rotation[i, k]
+    q /= np.linalg.norm(q)
+    return -q if q[0] < 0 else q
+
+
+def nearest_rotation(matrix: Matrix) -> Matrix:
+    """Return the rotation closest to a 3x3 matrix in the Frobenius norm (SVD, det = +1)."""
+    u, _, vt = np.linalg.svd(matrix)
+    u[:, -1] *= np.sign(np.linalg.det(u @ vt))
+    return u @ vt
+
+
+def from_paper_angles(phi: float, theta: float, psi: float) -> Matrix:
+    """Return ``R_phi R_theta R_psi`` of Das et al. 2013, section II: turns about x, y, z.
+
+    Angles in radians. Singular at ``theta = +-pi/2``, so nothing but the reproduction of the
+    paper's tables uses it.
+    """
+    return (
+        exp_rotation(np.array([phi, 0.0, 0.0]))
+        @ exp_rotation(np.array([0.0, theta, 0.0]))
+        @ exp_rotation(np.array([0.0, 0.0, psi]))
+    )

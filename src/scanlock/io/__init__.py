@@ -1,0 +1,1 @@
+"""The only code that sees a path: scans, poses, labels."""

@@ -1,0 +1,1 @@
+"""Loops that must be fast: plain arrays in, plain arrays out; NumPy and Numba only."""

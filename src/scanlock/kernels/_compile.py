@@ -1,0 +1,38 @@
+"""The two ways a kernel is compiled.
+
+Compilation is lazy, so importing a kernel compiles nothing. `nogil` lets a thread pool drive
+serial kernels. Blanket fast-math is never on: it makes `isinf` and `isnan` answer False.
+"""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+# The subset of fast-math that keeps infinities and NaN meaningful: sums may be reordered
+# and fused, which is what vectorising a reduction needs.
+_REORDERED_SUMS = {"reassoc", "contract", "nsz", "arcp"}
+
+
+def kernel(function: _Function) -> _Function:
+    """Compile a serial loop on its first call and keep the machine code on disk."""
+    return _compiled(function, fastmath=False)
+
+
+def sum_kernel(function: _Function) -> _Function:
+    """Compile a serial reduction whose order of summation may change to use vector units.
+
+    The order is fixed once compiled, so results still repeat bit for bit on one machine.
+    """
+    return _compiled(function, fastmath=_REORDERED_SUMS)
+
+
+def _compiled(function: _Function, fastmath: bool | set[str]) -> _Function:
+    options = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:
+        # No writable place for the cache (read-only install and home): compile every time.
+        return numba.njit(**options)(function)

@@ -1,0 +1,1 @@
+"""What we believe the points are: Gaussians, ground, clusters."""

@@ -1,0 +1,1 @@
+"""Compositions: each file reads like its paper's pseudo-code."""
