@@ -5,7 +5,7 @@ serial kernels. Blanket fast-math is never on: it makes `isinf` and `isnan` answ
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -30,9 +30,12 @@ def sum_kernel(function: _Function) -> _Function:
 
 
 def _compiled(function: _Function, fastmath: bool | set[str]) -> _Function:
-    options = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
     try:
-        return numba.njit(cache=True, **options)(function)
+        compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fastmath)(
+            function
+        )
     except RuntimeError:
         # No writable place for the cache (read-only install and home): compile every time.
-        return numba.njit(**options)(function)
+        compiled = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+    # A dispatcher is called like the function it compiles, which is all that callers know of it.
+    return cast(_Function, compiled)
