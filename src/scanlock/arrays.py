@@ -1,7 +1,11 @@
 """Names for the arrays that travel through scanlock, with their shapes."""
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
+
+_Scalar = TypeVar("_Scalar", bound=np.generic)
 
 Points = NDArray[np.float64]
 """(n, 3) coordinates [m]."""
@@ -26,3 +30,14 @@ def frozen(array: NDArray[np.generic]) -> None:
     compiled signature for each kernel.
     """
     array.setflags(write=False)
+
+
+def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
+    """Return a read-only, C-contiguous view of an array; a copy where it is not contiguous.
+
+    Indexing a frozen array gives a writable one. A kernel that is handed such an array gets
+    this view of it, or it would be compiled a second time.
+    """
+    view = np.ascontiguousarray(array).view()
+    frozen(view)
+    return view

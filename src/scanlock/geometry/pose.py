@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from scanlock.arrays import Matrix, Points, Vector, frozen
 from scanlock.errors import InvalidInput
@@ -26,6 +26,12 @@ _ROTATION_TOLERANCE = 1e-2
 """How far a given matrix may be from a rotation before it is refused rather than mended.
 
 Printed matrices of a few digits are off by 1e-6 to 1e-3; scale or shear is off by far more.
+"""
+
+_ROUNDING = 1e-6
+"""How far products of a rotation with its transpose may be from the identity.
+
+Long chains in float64 stay below 1e-12; a rotation stored in float32 is off by 1e-7.
 """
 
 
@@ -39,6 +45,12 @@ class Pose:
         Orthonormal with determinant +1; read-only.
     translation : (3,) [m]
         Read-only.
+
+    Raises
+    ------
+    InvalidInput
+        Wrong shape, NaN or Inf, or a rotation that is off by more than rounding;
+        `Pose.from_matrix` mends what was printed with few digits.
     """
 
     rotation: Matrix
@@ -46,14 +58,16 @@ class Pose:
 
     def __post_init__(self) -> None:
         for name, shape in (("rotation", (3, 3)), ("translation", (3,))):
-            array = np.array(getattr(self, name), dtype=np.float64, order="C")
-            if array.shape != shape or not np.isfinite(array).all():
-                raise InvalidInput(
-                    f"{name} must be finite and of shape {shape}, got shape {array.shape}"
-                    + ("" if np.isfinite(array).all() else " with NaN or Inf")
-                )
+            # Adding zero turns -0.0 into 0.0, so that equal poses have equal bytes to hash.
+            array = _real_array(name, getattr(self, name), [shape]) + 0.0
             frozen(array)
             object.__setattr__(self, name, array)
+        gap = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
+        if gap > _ROUNDING or np.linalg.det(self.rotation) < 0:
+            raise InvalidInput(
+                f"rotation must be orthonormal with determinant +1, got {self.rotation.tolist()}; "
+                "Pose.from_matrix mends one that is slightly off"
+            )
 
     @classmethod
     def identity(cls) -> "Pose":
@@ -73,14 +87,7 @@ class Pose:
             Wrong shape, NaN, a last row other than (0, 0, 0, 1), or a 3x3 part that is no
             rotation (scaled, sheared or mirrored).
         """
-        try:
-            array = np.asarray(matrix, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InvalidInput(f"a pose must be a matrix of numbers: {error}") from error
-        if array.shape not in ((4, 4), (3, 4)) or not np.isfinite(array).all():
-            raise InvalidInput(
-                f"a pose must be a finite (4, 4) or (3, 4) matrix, got shape {array.shape}"
-            )
+        array = _real_array("pose", matrix, [(4, 4), (3, 4)])
         if array.shape == (4, 4) and not np.allclose(array[3], (0, 0, 0, 1), atol=1e-6):
             raise InvalidInput(f"the last row of a pose must be 0 0 0 1, got {array[3].tolist()}")
         rotation = nearest_rotation(array[:3, :3])
@@ -95,7 +102,7 @@ class Pose:
     @classmethod
     def from_step(cls, step: Vector) -> "Pose":
         """Return the motion ``y -> exp(phi) y + rho`` of a step ``(rho, phi)`` [m, rad]."""
-        step = np.asarray(step, dtype=np.float64)
+        step = _real_array("step", step, [(6,)])
         return cls(exp_rotation(step[3:]), step[:3])
 
     @property
@@ -108,7 +115,10 @@ class Pose:
 
     def apply(self, points: Points) -> Points:
         """Return the moved (..., 3) points."""
-        return np.asarray(points) @ self.rotation.T + self.translation
+        points = np.asarray(points)
+        if points.ndim == 0 or points.shape[-1] != 3:
+            raise InvalidInput(f"points must have shape (..., 3), got {points.shape}")
+        return points @ self.rotation.T + self.translation
 
     def __matmul__(self, other: "Pose") -> "Pose":
         return Pose(
@@ -148,3 +158,20 @@ class Pose:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Pose, (np.array(self.rotation), np.array(self.translation))
+
+
+def _real_array(name: str, value: ArrayLike, shapes: list[tuple[int, ...]]) -> NDArray[np.float64]:
+    """Return a finite C-contiguous float64 copy of `value`, which must have one of `shapes`."""
+    try:
+        raw = np.asarray(value)
+        if raw.dtype.kind not in "fiu":
+            raise TypeError(f"dtype {raw.dtype}")
+        array = np.array(raw, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(f"{name} must hold real numbers: {error}") from error
+    if array.shape not in shapes:
+        wanted = " or ".join(str(shape) for shape in shapes)
+        raise InvalidInput(f"{name} must have shape {wanted}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{name} must be finite, got {array.tolist()}")
+    return array

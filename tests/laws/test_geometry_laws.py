@@ -1,0 +1,96 @@
+"""Group axioms of poses, and the laws of exponentials and logarithms."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import exp_rotation, log_rotation, rotation_angle
+
+_directions = arrays(np.float64, 3, elements=st.floats(-1, 1)).filter(
+    lambda v: np.linalg.norm(v) > 1e-3
+)
+# Near zero, near half a turn and past it are where formulas for rotations break.
+_angles = st.one_of(
+    st.floats(0, 1e-3), st.floats(0, 3.1), st.floats(np.pi - 1e-6, np.pi), st.floats(4, 50)
+)
+
+
+@st.composite
+def _vectors_of_rotation(draw):
+    direction = draw(_directions)
+    return draw(_angles) * direction / np.linalg.norm(direction)
+
+
+@st.composite
+def _poses(draw):
+    translation = draw(arrays(np.float64, 3, elements=st.floats(-100, 100)))
+    return Pose(exp_rotation(draw(_vectors_of_rotation())), translation)
+
+
+def _assert_close(a, b):
+    np.testing.assert_allclose(a.matrix, b.matrix, rtol=0, atol=1e-12)
+
+
+@given(_poses(), _poses(), _poses())
+def test_composition_is_associative(a, b, c):
+    _assert_close((a @ b) @ c, a @ (b @ c))
+
+
+@given(_poses())
+def test_identity_is_neutral(pose):
+    assert pose @ Pose.identity() == pose == Pose.identity() @ pose
+
+
+@given(_poses())
+def test_inverse_undoes_from_both_sides(pose):
+    _assert_close(pose @ pose.inverse(), Pose.identity())
+    _assert_close(pose.inverse() @ pose, Pose.identity())
+
+
+@given(_poses(), _poses(), arrays(np.float64, (4, 3), elements=st.floats(-100, 100)))
+def test_composition_is_one_motion_after_the_other(a, b, points):
+    np.testing.assert_allclose((a @ b).apply(points), a.apply(b.apply(points)), atol=1e-11)
+
+
+@given(_poses(), _poses())
+def test_distance_is_symmetric_and_ignores_a_common_motion(a, b):
+    metres, radians = a.distance(b)
+    np.testing.assert_allclose(b.distance(a), (metres, radians), atol=1e-11)
+    moved = Pose.from_step(np.array([1.0, 2.0, 3.0, 0.4, 0.5, 0.6]))
+    np.testing.assert_allclose((moved @ a).distance(moved @ b), (metres, radians), atol=1e-11)
+
+
+@given(_poses(), arrays(np.float64, 6, elements=st.floats(-2, 2)))
+def test_a_retraction_moves_the_points_already_in_the_target_frame(pose, step):
+    points = np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 3.0]])
+    expected = pose.apply(points) @ exp_rotation(step[3:]).T + step[:3]
+    np.testing.assert_allclose(pose.retract(step).apply(points), expected, atol=1e-12)
+
+
+@given(_vectors_of_rotation())
+def test_exp_gives_a_rotation_whose_inverse_is_the_opposite_vector(vector):
+    rotation = exp_rotation(vector)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    assert np.linalg.det(rotation) > 0
+    np.testing.assert_allclose(exp_rotation(-vector), rotation.T, atol=1e-15)
+
+
+@given(_vectors_of_rotation())
+def test_exp_undoes_log_and_the_angle_is_at_most_half_a_turn(vector):
+    rotation = exp_rotation(vector)
+    np.testing.assert_allclose(exp_rotation(log_rotation(rotation)), rotation, atol=1e-14)
+    assert 0 <= rotation_angle(rotation) <= np.pi + 1e-15
+
+
+@given(_vectors_of_rotation(), _vectors_of_rotation())
+def test_the_logarithm_turns_with_the_frame(vector, frame):
+    rotation, turn = exp_rotation(vector), exp_rotation(frame)
+    turned = turn @ rotation @ turn.T
+    np.testing.assert_allclose(exp_rotation(turn @ log_rotation(rotation)), turned, atol=1e-13)
+
+
+@given(_poses())
+def test_a_pose_survives_its_matrix(pose):
+    _assert_close(Pose.from_matrix(pose.matrix), pose)

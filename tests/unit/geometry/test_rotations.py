@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scanlock.geometry.rotations import (
+    exp_rotation,
+    from_paper_angles,
+    hat,
+    log_rotation,
+    nearest_rotation,
+    quaternion_from_rotation,
+    rotation_angle,
+)
+
+_ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 9.9e-5, 1.01e-4, 1e-3, 0.5, 2.0, 3.1, np.pi - 1e-9, np.pi]
+
+
+def _axes(count):
+    directions = np.random.default_rng(5).normal(size=(count, 3))
+    corners = np.vstack([np.eye(3), -np.eye(3), [[1, 1, 0], [1, 1, 1], [-1, 1, -1]]])
+    axes = np.vstack([corners, directions])
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+def test_hat_is_the_cross_product():
+    a, b = np.random.default_rng(0).normal(size=(2, 3))
+    np.testing.assert_allclose(hat(a) @ b, np.cross(a, b), rtol=1e-15)
+    np.testing.assert_array_equal(hat(a), -hat(a).T)
+
+
+@pytest.mark.parametrize("angle", [*_ANGLES, 4.0, 2 * np.pi, 100.0, 1e4])
+def test_exp_agrees_with_scipy_from_zero_to_many_turns(angle):
+    for axis in _axes(10):
+        expected = Rotation.from_rotvec(angle * axis).as_matrix()
+        # The sine of a large angle is known only to the rounding of the angle itself.
+        atol = 1.5e-15 + 4e-16 * angle
+        np.testing.assert_allclose(exp_rotation(angle * axis), expected, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("angle", _ANGLES)
+def test_log_undoes_exp(angle):
+    for axis in _axes(10):
+        vector = log_rotation(exp_rotation(angle * axis))
+        if angle == np.pi:
+            # Half a turn has two logarithms, and rounding decides between them.
+            vector = vector * np.sign(vector @ axis)
+        np.testing.assert_allclose(vector, angle * axis, rtol=0, atol=1e-15 + 1e-14 * angle)
+
+
+@pytest.mark.parametrize("angle", [1e-15, 1e-12, 1e-9, 5e-5])
+def test_small_rotations_keep_their_relative_digits(angle):
+    axis = np.array([0.6, 0.0, -0.8])
+    vector = log_rotation(exp_rotation(angle * axis))
+    np.testing.assert_allclose(vector, angle * axis, rtol=0, atol=1e-13 * angle)
+    assert rotation_angle(exp_rotation(angle * axis)) == pytest.approx(angle, rel=1e-13)
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_angles_just_short_of_half_a_turn_keep_their_digits(gap):
+    for axis in _axes(10):
+        rotation = Rotation.from_rotvec((np.pi - gap) * axis).as_matrix()
+        assert np.pi - rotation_angle(rotation) == pytest.approx(gap, abs=2e-15)
+
+
+def test_an_angle_beyond_half_a_turn_comes_back_the_short_way():
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    vector = log_rotation(exp_rotation(4.0 * axis))
+    np.testing.assert_allclose(vector, (4.0 - 2 * np.pi) * axis, atol=1e-14)
+
+
+@pytest.mark.parametrize("angle", _ANGLES)
+def test_quaternion_agrees_with_scipy_and_has_no_negative_scalar(angle):
+    for axis in _axes(10):
+        rotation = Rotation.from_rotvec(angle * axis)
+        ours = quaternion_from_rotation(rotation.as_matrix())
+        theirs = rotation.as_quat(scalar_first=True)
+        assert ours[0] >= 0
+        assert np.linalg.norm(ours) == pytest.approx(1.0, abs=1e-15)
+        assert abs(ours @ theirs) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_nearest_rotation_leaves_rotations_alone():
+    for axis in _axes(10):
+        rotation = exp_rotation(1.2 * axis)
+        np.testing.assert_allclose(nearest_rotation(rotation), rotation, rtol=0, atol=2e-15)
+
+
+def test_nearest_rotation_beats_every_rotation_around_it():
+    rng = np.random.default_rng(3)
+    for matrix in (exp_rotation(rng.normal(size=3)) + 0.1 * rng.normal(size=(3, 3)), -np.eye(3)):
+        nearest = nearest_rotation(matrix)
+        np.testing.assert_allclose(nearest @ nearest.T, np.eye(3), atol=1e-15)
+        assert np.linalg.det(nearest) == pytest.approx(1.0)
+        best = np.linalg.norm(nearest - matrix)
+        for step in rng.normal(scale=0.3, size=(200, 3)):
+            assert np.linalg.norm(exp_rotation(step) @ nearest - matrix) >= best - 1e-12
+
+
+def test_paper_angles_turn_about_x_then_y_then_z_of_the_moving_frame():
+    expected = Rotation.from_euler("XYZ", [0.3, -0.7, 1.9]).as_matrix()
+    np.testing.assert_allclose(from_paper_angles(0.3, -0.7, 1.9), expected, atol=1e-15)
