@@ -1,0 +1,89 @@
+"""The base plane: a coarse ground that needs no guess of the sensor's height."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Points, Vector, frozen
+from scanlock.kernels.ground_plane import best_triple_plane, plane_moments, plane_score
+
+_TRIPLES = 600
+"""Planes tried (ours); with a fifth of the low points on the ground, five of them lie on it."""
+
+_SCORED = 700
+"""Low points that score each of those planes (ours)."""
+
+_REACHES = (2.0, 1.5, 1.0, 1.0)
+"""Gates, narrowing, of the reweighted fits that refine the best plane (ours)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BasePlane:
+    """The plane ``normal . p + offset = 0`` shared by most low points.
+
+    Attributes
+    ----------
+    normal : (3,)
+        Unit vector, upwards.
+    offset : float [m]
+        Height of the origin above the plane.
+    support : float
+        Score of the plane over the number of low points: 1 when all lie on it.
+    breadth : float [m]
+        Standard deviation of its points along the direction in which they spread less.
+    """
+
+    normal: Vector
+    offset: float
+    support: float
+    breadth: float
+
+    def __post_init__(self) -> None:
+        frozen(self.normal)
+
+    @property
+    def coefficients(self) -> Vector:
+        """(4,): height above the plane as ``a x + b y + c z + d``."""
+        coefficients = np.array([*self.normal, self.offset])
+        frozen(coefficients)
+        return coefficients
+
+    def heights(self, points: Points) -> Vector:
+        """Return the (n,) heights [m] of points above the plane."""
+        return points @ self.normal + self.offset
+
+
+def fit_base_plane(
+    low_points: Points, *, gate: float, gate_slope: float, max_tilt: float
+) -> BasePlane | None:
+    """Return the plane that serves best as the ground of (n, 3) low points; None without one.
+
+    A low point is near a plane within ``gate + gate_slope * range`` [m]. Planes tilted beyond
+    `max_tilt` [rad] are not tried. Deterministic.
+    """
+    n = len(low_points)
+    if n < 3:
+        return None
+    gates = gate + gate_slope * np.hypot(low_points[:, 0], low_points[:, 1])
+    frozen(low_points)
+    frozen(gates)
+    stride = max(1, n // _SCORED)
+    nx, ny, nz, d, score = best_triple_plane(
+        low_points, gates, _TRIPLES, stride, float(np.cos(max_tilt))
+    )
+    if score <= 0:
+        return None
+    normal, breadth = np.array([nx, ny, nz]), 0.0
+    for reach in _REACHES:
+        sums = plane_moments(low_points, gates, normal[0], normal[1], normal[2], d, reach)
+        if sums[0] <= 0:
+            return None
+        mean = sums[1:4] / sums[0]
+        xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
+        second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        spread, axes = np.linalg.eigh(second - np.outer(mean, mean))
+        normal = axes[:, 0] * (1.0 if axes[2, 0] >= 0 else -1.0)
+        d = -float(normal @ mean)
+        breadth = float(np.sqrt(max(spread[1], 0.0)))
+    score = plane_score(low_points, 1, gates, normal[0], normal[1], normal[2], d)
+    return BasePlane(normal, d, max(score, 0.0) / n, breadth)
