@@ -1,0 +1,165 @@
+"""Parts of a scan as Gaussians: means, covariances, counts."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen
+from scanlock.errors import InvalidInput, require_at_least, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.moments import labelled_moments
+
+_PACKED_ROWS = (0, 0, 0, 1, 1, 2)
+_PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Gaussians:
+    """A set of k Gaussians in one frame.
+
+    Attributes
+    ----------
+    means : (k, 3) [m]
+    covariances : (k, 3, 3) [m^2]
+        Symmetric; divided by the count, as in Das et al. 2013, section VI.
+    counts : (k,)
+        Points behind each Gaussian.
+    """
+
+    means: Points
+    covariances: NDArray[np.float64]
+    counts: Labels
+
+    def __post_init__(self) -> None:
+        k = len(self.means)
+        if self.means.shape != (k, 3) or self.covariances.shape != (k, 3, 3):
+            raise InvalidInput(
+                "means and covariances must have shapes (k, 3) and (k, 3, 3), got "
+                f"{self.means.shape} and {self.covariances.shape}"
+            )
+        if self.counts.shape != (k,):
+            raise InvalidInput(f"counts must have shape ({k},), got {self.counts.shape}")
+        for array in (self.means, self.covariances, self.counts):
+            frozen(array)
+
+    @classmethod
+    def from_labels(cls, points: Points, labels: Labels, least_count: int = 1) -> "Gaussians":
+        """Return the Gaussian of each part with at least `least_count` points, by label.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+        labels : (n,)
+            Part of each point; -1 leaves it out.
+        least_count : int
+            Parts of fewer points are skipped: their covariance says little.
+        """
+        require_at_least("least_count", least_count, 1)
+        parts = int(labels.max(initial=-1)) + 1
+        counts, means, packed = labelled_moments(points, labels, parts)
+        kept = counts >= least_count
+        return cls(means[kept], unpacked(packed[kept]), counts[kept])
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    @cached_property
+    def packed_covariances(self) -> Matrix:
+        """The (k, 6) upper triangles xx, xy, xz, yy, yz, zz, as the kernels read them."""
+        packed = np.ascontiguousarray(self.covariances[:, _PACKED_ROWS, _PACKED_COLUMNS])
+        frozen(packed)
+        return packed
+
+    @cached_property
+    def packed_precisions(self) -> Matrix:
+        """The (k, 6) upper triangles of the inverse covariances."""
+        precisions = np.linalg.inv(self.covariances)
+        packed = np.ascontiguousarray(precisions[:, _PACKED_ROWS, _PACKED_COLUMNS])
+        frozen(packed)
+        return packed
+
+    @cached_property
+    def variances(self) -> Matrix:
+        """The (k, 3) variances [m^2] along the principal axes, ascending."""
+        variances = np.linalg.eigvalsh(self.covariances)
+        frozen(variances)
+        return variances
+
+    @cached_property
+    def widths(self) -> Vector:
+        """The (k,) largest variances [m^2]; no rotation changes them."""
+        widths = np.ascontiguousarray(self.variances[:, 2])
+        frozen(widths)
+        return widths
+
+    @cached_property
+    def weights(self) -> Vector:
+        """The (k,) square roots of the counts, scaled to unit length.
+
+        Equal weights trust a distant handful of points as much as a facade; the counts
+        themselves would let the nearest object decide alone.
+        """
+        weights = np.sqrt(self.counts.astype(np.float64))
+        norm = np.linalg.norm(weights)
+        weights = weights / norm if norm > 0 else weights
+        frozen(weights)
+        return weights
+
+    def taken(self, rows: Labels | Mask) -> "Gaussians":
+        """Return the Gaussians at the given rows, in that order."""
+        return Gaussians(self.means[rows], self.covariances[rows], self.counts[rows])
+
+    def floored(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
+        """Return the same Gaussians with no principal deviation too small to invert.
+
+        Parameters
+        ----------
+        deviation : float [m]
+            Least standard deviation along any principal axis: the sensor's noise and more.
+        ratio : float
+            Least share of the largest variance of the same Gaussian (0.01 in Magnusson 2009).
+        """
+        require_positive("deviation", deviation, unit="m")
+        require_at_least("ratio", ratio, 0.0)
+        variances, axes = np.linalg.eigh(self.covariances)
+        least = np.maximum(deviation**2, ratio * variances[:, -1:])
+        raised = np.maximum(variances, least)
+        covariances = np.einsum("kia,ka,kja->kij", axes, raised, axes)
+        # The product is symmetric only to rounding.
+        covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1))
+        return Gaussians(self.means, covariances, self.counts)
+
+    def scaled(self, factor: float) -> "Gaussians":
+        """Return the same Gaussians with every standard deviation `factor` times as large."""
+        require_positive("factor", factor)
+        return Gaussians(self.means, self.covariances * factor**2, self.counts)
+
+    def widened(self, deviation: float) -> "Gaussians":
+        """Return the Gaussians blurred by an isotropic one of standard deviation [m]."""
+        require_at_least("deviation", deviation, 0.0, unit="m")
+        return Gaussians(self.means, self.covariances + deviation**2 * np.eye(3), self.counts)
+
+    def transformed(self, pose: Pose) -> "Gaussians":
+        """Return the Gaussians moved by a pose; covariances turn with it."""
+        rotation = pose.rotation
+        return Gaussians(
+            pose.apply(self.means), rotation @ self.covariances @ rotation.T, self.counts
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Gaussians, (
+            np.array(self.means),
+            np.array(self.covariances),
+            np.array(self.counts),
+        )
+
+
+def unpacked(packed: Matrix) -> NDArray[np.float64]:
+    """Return (k, 3, 3) symmetric matrices of (k, 6) upper triangles."""
+    full = np.empty((len(packed), 3, 3))
+    full[:, _PACKED_ROWS, _PACKED_COLUMNS] = packed
+    full[:, _PACKED_COLUMNS, _PACKED_ROWS] = packed
+    return full

@@ -1,0 +1,52 @@
+"""What a solver sees of an objective at one pose."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Vector
+from scanlock.geometry.pose import Pose
+
+_UPPER = np.triu_indices(6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Quadratic:
+    """Value and derivatives of an objective for the step ``(rho, phi)`` at a pose.
+
+    Attributes
+    ----------
+    value : float
+        The objective itself; always minimised.
+    gradient : (6,)
+    hessian : (6, 6)
+        Exact; indefinite away from a minimum.
+    convex_hessian : (6, 6)
+        The positive semidefinite part of it (Gauss-Newton).
+    """
+
+    value: float
+    gradient: Vector
+    hessian: Matrix
+    convex_hessian: Matrix
+
+    @classmethod
+    def from_terms(cls, terms: Vector) -> "Quadratic":
+        """Return the quadratic of a kernel's 49 sums: 1, 6, 21 and 21 numbers."""
+        return cls(float(terms[0]), terms[1:7], _symmetric(terms[7:28]), _symmetric(terms[28:49]))
+
+
+class Objective(Protocol):
+    """Anything that can be linearised at a pose."""
+
+    def linearise(self, pose: Pose) -> Quadratic:
+        """Return value, gradient and Hessians at `pose` (target from source)."""
+        ...
+
+
+def _symmetric(upper: Vector) -> Matrix:
+    full = np.empty((6, 6))
+    full[_UPPER] = upper
+    full.T[_UPPER] = upper
+    return full

@@ -1,0 +1,39 @@
+"""When a solver stops, and the words it says then."""
+
+import enum
+from dataclasses import dataclass
+
+from scanlock.errors import require_at_least, require_positive
+
+
+class StopReason(enum.Enum):
+    """Why a solver stopped; the value is the sentence for people."""
+
+    GRADIENT_SMALL = "gradient norm fell below the tolerance"
+    STEP_SMALL = "step norm fell below the tolerance"
+    ITERATION_LIMIT = "iteration limit reached; the pose may still be improving"
+    NO_SUPPORT = "nothing meets at this pose; try a better initial pose or wider Gaussians"
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether the solver ended at a stationary point."""
+        return self in (StopReason.GRADIENT_SMALL, StopReason.STEP_SMALL)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Stopping:
+    """Tolerances of the iteration; the defaults are those of Das et al. 2013, section VIII."""
+
+    gradient: float = 1e-6
+    """Norm of the gradient of the normalised score, in the solver's scaled units."""
+
+    step: float = 1e-6
+    """Norm of the step; metres, with rotations counted at the solver's lever arm."""
+
+    iterations: int = 100
+    """Evaluations of the objective allowed at one scale."""
+
+    def __post_init__(self) -> None:
+        require_positive("gradient", self.gradient)
+        require_positive("step", self.step, unit="m")
+        require_at_least("iterations", self.iterations, 1)
