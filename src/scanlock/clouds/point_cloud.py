@@ -17,6 +17,13 @@ No lidar reaches this far, so such coordinates are map projections, whose millio
 would cost digits in every product.
 """
 
+_FARTHEST = 1e12
+"""Coordinates beyond this [m] are no places but garbage, and count as not finite.
+
+Map projections stay below 1e8 m, 1e11 when written in millimetres; grids laid over 1e300 m
+would overflow their integers without a word.
+"""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointCloud:
@@ -33,7 +40,7 @@ class PointCloud:
     rows : (n,)
         The row of the caller's array that each point came from.
     input_count : int
-        Rows of the caller's array; ``input_count - len(points)`` rows held NaN or Inf.
+        Rows of the caller's array; ``input_count - len(points)`` of them were left out.
     """
 
     points: Points
@@ -49,8 +56,9 @@ class PointCloud:
     def from_array(cls, array: ArrayLike, name: str = "points") -> "PointCloud":
         """Return the cloud of an (n, 3+) array; columns past the third are ignored.
 
-        Rows with NaN or Inf in their coordinates are left out and counted. The array is copied
-        if and only if it is not already C-contiguous (n, 3) float64, and never written to.
+        Rows with NaN, Inf or more than 1e12 m in their coordinates are left out and counted.
+        The array is copied if and only if it is not already C-contiguous (n, 3) float64, and
+        never written to; while the cloud is in use, do not write to it either.
 
         Raises
         ------
@@ -59,35 +67,24 @@ class PointCloud:
         """
         if isinstance(array, PointCloud):
             return array
-        raw = np.asarray(array)
-        if raw.ndim != 2 or raw.shape[1] < 3:
-            raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
-        if raw.dtype.kind not in "fiu":
-            raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}")
-        xyz = np.ascontiguousarray(raw[:, :3], dtype=np.float64)
-        # One sum tells whether any value is not finite without a mask of all of them; a sum
-        # that overflows only costs the slow path.
-        with np.errstate(over="ignore", invalid="ignore"):
-            all_finite = bool(np.isfinite(xyz.sum()))
-        if all_finite:
-            rows = np.arange(len(xyz), dtype=np.int64)
-        else:
-            rows = np.flatnonzero(np.isfinite(xyz).all(axis=1)).astype(np.int64)
+        xyz = _coordinates(array, name)
+        input_count = len(xyz)
+        rows = _finite_rows(xyz)
+        if len(rows) < input_count:
             xyz = xyz[rows]
         if len(xyz) == 0:
             raise InvalidInput(
-                f"{name} holds no finite point ({len(raw)} rows); check the reader or the filter "
-                "before it"
+                f"{name} holds no finite point ({input_count} rows); check the reader or the "
+                "filter before it"
             )
         origin = _recentring(xyz)
         if origin.any():
             xyz = xyz - origin
-        # A view, so that freezing it leaves the caller's own array writable.
-        return cls(points=xyz.view(), origin=origin, rows=rows, input_count=len(raw))
+        return cls(points=xyz, origin=origin, rows=rows, input_count=input_count)
 
     @property
     def dropped_count(self) -> int:
-        """How many rows of the caller's array held NaN or Inf."""
+        """How many rows of the caller's array held NaN, Inf or garbage."""
         return self.input_count - len(self.points)
 
     def __len__(self) -> int:
@@ -120,6 +117,32 @@ def caller_pose(local: Pose, target: PointCloud, source: PointCloud) -> Pose:
     """Return a pose between local frames as the pose between the caller's; see `local_pose`."""
     translation = target.origin + local.translation - local.rotation @ source.origin
     return Pose(local.rotation, translation)
+
+
+def _coordinates(array: ArrayLike, name: str) -> Points:
+    try:
+        raw = np.asarray(array)
+    except ValueError as error:
+        raise InvalidInput(f"{name} must be an (n, 3) array: {error}") from error
+    if raw.ndim != 2 or raw.shape[1] < 3:
+        raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
+    if raw.dtype.kind not in "fiu":
+        raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}")
+    # Extended precision may hold more than float64 can; Inf is what such rows should become.
+    with np.errstate(over="ignore"):
+        # The slice is an array of its own, so freezing it leaves the caller's writable. Kernels
+        # are compiled for aligned memory, which a view into a file's bytes may not be.
+        return np.require(raw[:, :3], np.float64, ["C_CONTIGUOUS", "ALIGNED"])
+
+
+def _finite_rows(xyz: Points) -> Labels:
+    # The sum of squares bounds every coordinate, without a mask of all of them; when it is too
+    # large or NaN, the rows are looked at one by one.
+    flat = xyz.ravel()
+    with np.errstate(over="ignore", invalid="ignore"):
+        if flat @ flat <= _FARTHEST**2:
+            return np.arange(len(xyz), dtype=np.int64)
+    return np.flatnonzero((np.abs(xyz) <= _FARTHEST).all(axis=1)).astype(np.int64)
 
 
 def _recentring(xyz: Points) -> Vector:

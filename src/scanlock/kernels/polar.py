@@ -10,10 +10,10 @@ from scanlock.kernels._compile import kernel
 
 @kernel
 def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
-    """Return the cell ``sector * bins + bin`` of each (n, 3) point, -1 beyond the last edge.
+    """Return the cell ``sector * bins + bin`` of each (n, 3) point, -1 from the last edge on.
 
-    `edges` is ascending from 0. A table over the smallest bin width finds the bin of a range
-    in one look-up and at most one step, whatever the spacing of the edges.
+    `edges` is ascending from 0; a range on an edge belongs to the bin outside it. A table over
+    the innermost width finds the bin of a range in one look-up and a step or two.
     """
     bins = edges.shape[0] - 1
     table_width = edges[1] - edges[0]
@@ -40,11 +40,14 @@ def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
         if azimuth < 0.0:
             azimuth += 2.0 * math.pi
         sector = int(azimuth * sector_scale)
-        # An azimuth that rounds to a full turn belongs to the first sector.
+        # An azimuth just short of a full turn may have been rounded up to it.
         if sector >= sectors:
-            sector = 0
+            sector = sectors - 1
         distance = math.sqrt(range_squared)
         b = table[int(distance / table_width)]
+        # The quotient may have been rounded up across an edge.
+        if distance < edges[b]:
+            b -= 1
         while b + 1 < bins and distance >= edges[b + 1]:
             b += 1
         cells[i] = sector * bins + b

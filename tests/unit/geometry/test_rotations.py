@@ -87,7 +87,8 @@ def test_nearest_rotation_leaves_rotations_alone():
 
 def test_nearest_rotation_beats_every_rotation_around_it():
     rng = np.random.default_rng(3)
-    for matrix in (exp_rotation(rng.normal(size=3)) + 0.1 * rng.normal(size=(3, 3)), -np.eye(3)):
+    noisy = exp_rotation(rng.normal(size=3)) + 0.1 * rng.normal(size=(3, 3))
+    for matrix in (noisy, -np.eye(3), noisy @ np.diag([1.0, 0.8, -0.3])):
         nearest = nearest_rotation(matrix)
         np.testing.assert_allclose(nearest @ nearest.T, np.eye(3), atol=1e-15)
         assert np.linalg.det(nearest) == pytest.approx(1.0)

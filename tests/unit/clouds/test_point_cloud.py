@@ -1,0 +1,237 @@
+import pickle
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import exp_rotation
+
+_XYZ = np.random.default_rng(0).integers(-4000, 4000, size=(40, 3)) / 128.0
+_UTM = np.array([500_000.0, 5_400_000.0, 312.5])
+
+
+def _unaligned(array):
+    shifted = np.zeros(array.nbytes + 1, np.uint8)
+    view = shifted[1:].view(np.float64).reshape(array.shape)
+    view[:] = array
+    assert not view.flags.aligned
+    return view
+
+
+def _read_only(array):
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        _XYZ,
+        _XYZ.astype(np.float32),
+        _XYZ.astype(np.longdouble),
+        _XYZ.astype(">f8"),
+        _XYZ.tolist(),
+        np.asfortranarray(_XYZ),
+        np.repeat(_XYZ, 2, axis=0)[::2],
+        np.hstack([_XYZ, np.full((40, 2), np.nan)]),
+        np.hstack([_XYZ, _XYZ])[:, 3:],
+        _read_only(_XYZ),
+        _unaligned(_XYZ),
+        _XYZ[:, [2, 1, 0]][:, ::-1],
+    ],
+    ids=[
+        "float64",
+        "float32",
+        "longdouble",
+        "big-endian",
+        "list",
+        "fortran",
+        "strided",
+        "wide",
+        "columns",
+        "read-only",
+        "unaligned",
+        "reversed",
+    ],
+)
+def test_every_layout_becomes_the_same_points(array):
+    cloud = PointCloud.from_array(array)
+    np.testing.assert_array_equal(cloud.points, _XYZ)
+    assert cloud.points.dtype == np.float64
+    assert cloud.points.dtype.isnative
+    assert cloud.points.flags.c_contiguous
+    assert cloud.points.flags.aligned
+    assert not cloud.points.flags.writeable
+    np.testing.assert_array_equal(cloud.rows, np.arange(40))
+    np.testing.assert_array_equal(cloud.origin, [0, 0, 0])
+    assert (len(cloud), cloud.input_count, cloud.dropped_count) == (40, 40, 0)
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint16, np.int32, np.int64, np.float16])
+def test_whole_numbers_and_short_floats_are_converted(kind):
+    cloud = PointCloud.from_array(np.arange(12, dtype=kind).reshape(4, 3))
+    np.testing.assert_array_equal(cloud.points, np.arange(12.0).reshape(4, 3))
+
+
+def test_the_callers_array_stays_untouched_and_writable_and_is_not_copied():
+    array = _XYZ.copy()
+    cloud = PointCloud.from_array(array)
+    assert np.shares_memory(cloud.points, array)
+    assert array.flags.writeable
+    np.testing.assert_array_equal(array, _XYZ)
+    with pytest.raises(ValueError, match="read-only"):
+        cloud.points[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("shift", [np.zeros(3), _UTM])
+def test_an_array_with_gaps_stays_untouched_and_writable(shift):
+    array = _XYZ + shift
+    array[3] = np.nan
+    before = array.copy()
+    PointCloud.from_array(array)
+    assert array.flags.writeable
+    np.testing.assert_array_equal(array, before)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_rows_that_are_not_finite_are_left_out_and_mapped_back(kind):
+    array = _XYZ.astype(kind)
+    array[0, 0] = np.nan
+    array[7] = np.inf
+    array[39, 2] = -np.inf
+    cloud = PointCloud.from_array(array)
+    kept = np.setdiff1d(np.arange(40), [0, 7, 39])
+    np.testing.assert_array_equal(cloud.rows, kept)
+    np.testing.assert_array_equal(cloud.points, _XYZ[kept])
+    assert (len(cloud), cloud.input_count, cloud.dropped_count) == (37, 40, 3)
+    labels = cloud.to_input_rows(np.arange(37), fill=-7)
+    np.testing.assert_array_equal(labels[kept], np.arange(37))
+    np.testing.assert_array_equal(labels[[0, 7, 39]], [-7, -7, -7])
+
+
+def test_infinities_that_cancel_are_still_found():
+    array = _XYZ.copy()
+    array[4, 0], array[5, 0] = np.inf, -np.inf
+    assert PointCloud.from_array(array).dropped_count == 2
+
+
+@pytest.mark.parametrize("garbage", [1e300, -1e308, 1.7e308, 2e12])
+def test_coordinates_that_are_no_places_are_left_out(garbage):
+    array = _XYZ.copy()
+    array[[2, 9, 30], 1] = garbage
+    cloud = PointCloud.from_array(array)
+    np.testing.assert_array_equal(np.setdiff1d(np.arange(40), cloud.rows), [2, 9, 30])
+    assert np.isfinite(cloud.points).all()
+
+
+def test_numbers_too_large_for_float64_are_left_out():
+    array = _XYZ.astype(np.longdouble)
+    array[2, 0] = np.finfo(np.longdouble).max
+    assert PointCloud.from_array(array).dropped_count == int(
+        np.finfo(np.longdouble).max > np.finfo(np.float64).max
+    )
+
+
+def test_many_large_but_real_coordinates_are_all_kept():
+    # Together they fail the quick test on the sum of squares; each alone is a place.
+    array = np.full((20, 3), 9e11) + np.arange(20)[:, None]
+    cloud = PointCloud.from_array(array)
+    assert cloud.dropped_count == 0
+    np.testing.assert_array_equal(cloud.points + cloud.origin, array)
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((0, 3)), r"scan holds no finite point \(0 rows\)"),
+        (np.full((5, 3), np.nan), r"scan holds no finite point \(5 rows\)"),
+        (np.full((5, 3), 1e308), r"scan holds no finite point \(5 rows\)"),
+        (np.zeros(3), r"scan must have shape \(n, 3\) or wider, got \(3,\)"),
+        (np.zeros((5, 2)), r"scan must have shape \(n, 3\) or wider, got \(5, 2\)"),
+        (np.zeros((3, 5, 3)), r"shape \(n, 3\) or wider, got \(3, 5, 3\)"),
+        (np.zeros((5, 3), dtype=object), "scan must hold real numbers, got dtype object"),
+        (np.zeros((5, 3), dtype=complex), "scan must hold real numbers, got dtype complex128"),
+        (np.zeros((5, 3), dtype=bool), "scan must hold real numbers, got dtype bool"),
+        ([["a", "b", "c"]], "scan must hold real numbers, got dtype <U1"),
+        ([[1.0, 2.0, 3.0], [4.0]], r"scan must be an \(n, 3\) array"),
+        (None, r"scan must have shape \(n, 3\) or wider, got \(\)"),
+    ],
+)
+def test_what_is_no_cloud_is_refused_by_name(array, message):
+    with pytest.raises(InvalidInput, match=message):
+        PointCloud.from_array(array, name="scan")
+
+
+def test_a_cloud_passes_through_the_gate_unchanged():
+    cloud = PointCloud.from_array(_XYZ)
+    assert PointCloud.from_array(cloud) is cloud
+
+
+def test_one_point_is_a_cloud():
+    assert len(PointCloud.from_array([[1, 2, 3]])) == 1
+
+
+def test_sensor_coordinates_keep_the_sensor_as_origin():
+    # A long corridor and a few returns beyond the limit do not move the sensor's own zero.
+    array = np.vstack([_XYZ, [[50_000.0, 0.0, 0.0]]])
+    np.testing.assert_array_equal(PointCloud.from_array(array).origin, [0, 0, 0])
+
+
+def test_projected_coordinates_keep_their_digits():
+    array = _XYZ + _UTM + 1e-7
+    cloud = PointCloud.from_array(array)
+    assert np.abs(cloud.points).max() < 200.0
+    np.testing.assert_array_equal(cloud.origin, np.round(cloud.origin))
+    gap = (np.linalg.norm(cloud.points - cloud.points[0], axis=1)) - np.linalg.norm(
+        _XYZ - _XYZ[0], axis=1
+    )
+    assert np.abs(gap).max() < 1e-8
+    assert np.abs(cloud.points + cloud.origin - array).max() < 1e-9
+
+
+def test_garbage_among_projected_coordinates_does_not_move_the_origin():
+    array = _XYZ + _UTM
+    array[::10] = [1e11, -1e11, 0.0]
+    cloud = PointCloud.from_array(array)
+    assert np.abs(cloud.origin - _UTM).max() < 40
+
+
+def test_a_pickled_cloud_is_read_only_again():
+    array = _XYZ + _UTM
+    array[1] = np.nan
+    cloud = PointCloud.from_array(array)
+    twin = pickle.loads(pickle.dumps(cloud))
+    for name in ("points", "origin", "rows"):
+        np.testing.assert_array_equal(getattr(twin, name), getattr(cloud, name))
+        assert not getattr(twin, name).flags.writeable
+    assert twin.input_count == 40
+
+
+def test_poses_go_to_local_frames_and_back_without_losing_a_micrometre():
+    truth = Pose(exp_rotation(np.array([0.02, -0.01, 0.4])), [1.0, -2.0, 0.3])
+    # The same motion between the callers' frames, both far from their origins.
+    to_target, to_source = Pose(np.eye(3), _UTM), Pose(np.eye(3), _UTM + np.array([300, -200, 5]))
+    target_from_source = to_target @ truth @ to_source.inverse()
+    source_array = _XYZ + to_source.translation
+    target_array = truth.apply(_XYZ) + to_target.translation
+    source, target = PointCloud.from_array(source_array), PointCloud.from_array(target_array)
+
+    local = local_pose(target_from_source, target, source)
+    assert np.abs(local.translation).max() < 1000.0
+    np.testing.assert_allclose(local.apply(source.points), target.points, atol=1e-8)
+
+    back = caller_pose(local, target, source)
+    assert back.is_close(target_from_source, translation=1e-8, rotation=1e-12)
+    np.testing.assert_allclose(back.apply(source_array), target_array, rtol=0, atol=1e-8)
+
+
+def test_poses_between_sensor_frames_are_their_own_local_poses():
+    rotation = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+    pose = Pose(rotation, [1.0, 2.0, 3.0])
+    cloud = PointCloud.from_array(_XYZ)
+    assert local_pose(pose, cloud, cloud) == pose
+    assert caller_pose(pose, cloud, cloud) == pose
