@@ -53,7 +53,7 @@ class PointCloud:
             frozen(array)
 
     @classmethod
-    def from_array(cls, array: ArrayLike, name: str = "points") -> "PointCloud":
+    def from_array(cls, array: "ArrayLike | PointCloud", name: str = "points") -> "PointCloud":
         """Return the cloud of an (n, 3+) array; columns past the third are ignored.
 
         Rows with NaN, Inf or more than 1e12 m in their coordinates are left out and counted.

@@ -90,3 +90,17 @@ def from_paper_angles(phi: float, theta: float, psi: float) -> Matrix:
         @ exp_rotation(np.array([0.0, theta, 0.0]))
         @ exp_rotation(np.array([0.0, 0.0, psi]))
     )
+
+
+def rotation_onto_z(direction: Vector) -> Matrix:
+    """Return the smallest rotation that carries a unit vector onto the z axis.
+
+    The direction must not point straight down, where the rotation is not unique.
+    """
+    x, y, z = direction
+    scale = 1.0 / (1.0 + z)
+    # fmt: off
+    return np.array([[1.0 - scale * x * x,      -scale * x * y,  -x],
+                     [     -scale * x * y, 1.0 - scale * y * y,  -y],
+                     [                  x,                   y,   z]])
+    # fmt: on

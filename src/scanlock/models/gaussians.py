@@ -77,21 +77,23 @@ class Gaussians:
     def packed_precisions(self) -> Matrix:
         """The (k, 6) upper triangles of the inverse covariances."""
         precisions = np.linalg.inv(self.covariances)
-        packed = np.ascontiguousarray(precisions[:, _PACKED_ROWS, _PACKED_COLUMNS])
+        packed = np.ascontiguousarray(
+            precisions[:, _PACKED_ROWS, _PACKED_COLUMNS], dtype=np.float64
+        )
         frozen(packed)
         return packed
 
     @cached_property
     def variances(self) -> Matrix:
         """The (k, 3) variances [m^2] along the principal axes, ascending."""
-        variances = np.linalg.eigvalsh(self.covariances)
+        variances = np.linalg.eigvalsh(self.covariances).astype(np.float64, copy=False)
         frozen(variances)
         return variances
 
     @cached_property
     def widths(self) -> Vector:
         """The (k,) largest variances [m^2]; no rotation changes them."""
-        widths = np.ascontiguousarray(self.variances[:, 2])
+        widths = np.ascontiguousarray(self.variances[:, 2], dtype=np.float64)
         frozen(widths)
         return widths
 
