@@ -1,3 +1,59 @@
-"""Lock 3D lidar scans together."""
+"""Lock 3D lidar scans together.
+
+``scanlock.register(source=scene, target=reference)`` returns the pose between two scans and
+whether to trust it; ``scanlock.segment(points)`` returns the ground and the clusters of one.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from scanlock.clouds.point_cloud import PointCloud as PointCloud
+    from scanlock.errors import InvalidInput as InvalidInput
+    from scanlock.errors import ScanlockError as ScanlockError
+    from scanlock.geometry.pose import Pose as Pose
+    from scanlock.models.clusters import ClusterFinder as ClusterFinder
+    from scanlock.models.ground import GroundFinder as GroundFinder
+    from scanlock.models.segmentation import Segmentation as Segmentation
+    from scanlock.models.segmentation import Segmenter as Segmenter
+    from scanlock.models.segmentation import segment as segment
+    from scanlock.registration.methods import METHODS as METHODS
+    from scanlock.registration.register import register as register
+    from scanlock.registration.result import Registration as Registration
+    from scanlock.registration.result import Status as Status
+    from scanlock.registration.sgc_ndt import SgcNdt as SgcNdt
 
 __version__ = "0.1.0.dev0"
+
+_HOMES = {
+    "METHODS": "scanlock.registration.methods",
+    "ClusterFinder": "scanlock.models.clusters",
+    "GroundFinder": "scanlock.models.ground",
+    "InvalidInput": "scanlock.errors",
+    "PointCloud": "scanlock.clouds.point_cloud",
+    "Pose": "scanlock.geometry.pose",
+    "Registration": "scanlock.registration.result",
+    "ScanlockError": "scanlock.errors",
+    "Segmentation": "scanlock.models.segmentation",
+    "Segmenter": "scanlock.models.segmentation",
+    "SgcNdt": "scanlock.registration.sgc_ndt",
+    "Status": "scanlock.registration.result",
+    "register": "scanlock.registration.register",
+    "segment": "scanlock.models.segmentation",
+}
+
+__all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> object:
+    # Numba and SciPy take over a second to import, so each name is fetched on first use and
+    # the command line can print its help at once.
+    if name not in _HOMES:
+        raise AttributeError(f"module 'scanlock' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from scanlock.arrays import Labels, Mask, Points, Vector
+from scanlock.arrays import Labels, Mask, Points, Vector, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import require_at_least, require_fraction, require_positive
 from scanlock.kernels.grouping import occupied_cells, split_by_extent
@@ -132,16 +132,32 @@ class ClusterFinder:
 
         Clusters are numbered by their first bin: sector by sector, outwards.
         """
+        labels, count = self.grow(points)
+        labels, count = self.cut(points, labels, count, self.largest_radius)
+        return _without_small(labels, count, self.least_count)
+
+    def grow(self, points: Points) -> tuple[Labels, int]:
+        """Return the clusters as they grow, whatever their size and extent."""
+        points = read_only(points)
         cells = self.grid.cells(points)
         bin_of_point, occupied = occupied_cells(cells, self.grid.sectors * self.grid.bins)
         gaussians = Gaussians.from_labels(points, bin_of_point)
-        cluster_of_bin = self._grow(occupied, gaussians)
-        labels = np.where(bin_of_point >= 0, cluster_of_bin[bin_of_point], -1)
-        count = int(cluster_of_bin.max(initial=-1)) + 1
-        labels, count = split_by_extent(points, labels, count, self.largest_radius)
-        return _without_small(labels, count, self.least_count)
+        cluster_of_bin = self._components(occupied, gaussians)
+        # One more entry, so that the label -1 of a point without a bin stays -1.
+        labels = np.append(cluster_of_bin, -1)[bin_of_point]
+        return labels, int(cluster_of_bin.max(initial=-1)) + 1
 
-    def _grow(self, occupied: Labels, gaussians: Gaussians) -> Labels:
+    def cut(
+        self, points: Points, labels: Labels, count: int, largest_radius: float
+    ) -> tuple[Labels, int]:
+        """Return the clusters cut in two until none is larger than `largest_radius` [m].
+
+        Cutting to a large radius first and to a smaller one then gives the same clusters as
+        cutting to the smaller one at once.
+        """
+        return split_by_extent(read_only(points), read_only(labels), count, largest_radius)
+
+    def _components(self, occupied: Labels, gaussians: Gaussians) -> Labels:
         first, second = self._neighbours(occupied)
         merged = self.merge.merges(gaussians.taken(first), gaussians.taken(second))
         first, second = first[merged], second[merged]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.moments import labelled_moments
@@ -59,7 +59,7 @@ class Gaussians:
         """
         require_at_least("least_count", least_count, 1)
         parts = int(labels.max(initial=-1)) + 1
-        counts, means, packed = labelled_moments(points, labels, parts)
+        counts, means, packed = labelled_moments(read_only(points), read_only(labels), parts)
         kept = counts >= least_count
         return cls(means[kept], unpacked(packed[kept]), counts[kept])
 

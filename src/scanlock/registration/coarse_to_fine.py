@@ -6,48 +6,81 @@ of k-means clusters.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from scanlock.errors import InvalidInput, require_at_least
+from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective
-from scanlock.solvers.newton import Iteration, Newton, Solution
+from scanlock.solvers.newton import Newton, Solution
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scale:
+    """One step of the schedule: how blurred the score is, and how fine the scans are cut."""
+
+    blur: float
+    """Standard deviation added to every Gaussian [m]; 0 leaves them as they are."""
+
+    largest_radius: float
+    """Clusters are cut to this radius [m]; under a blur, finer ones only cost time."""
+
+    def __post_init__(self) -> None:
+        require_at_least("blur", self.blur, 0.0, unit="m")
+        require_positive("largest_radius", self.largest_radius, unit="m")
+
+
+DEFAULT_SCALES = (
+    Scale(blur=8.0, largest_radius=6.0),
+    Scale(blur=4.0, largest_radius=6.0),
+    Scale(blur=2.0, largest_radius=3.0),
+    Scale(blur=1.0, largest_radius=3.0),
+    Scale(blur=0.0, largest_radius=1.5),
+)
+"""The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision."""
+
+PAPER_SCALES = (Scale(blur=0.0, largest_radius=3.0),)
+"""One scale, as in Das et al. 2013: the basin is then that of the sharp clusters."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CoarseToFine:
     """Settings of the schedule."""
 
-    blurs: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0, 0.0)
-    """Standard deviation added to every Gaussian at each scale, coarsest first [m].
-
-    The first sets the basin, about as wide as itself; the last should be 0, the Gaussians as
-    they are.
-    """
+    scales: tuple[Scale, ...] = DEFAULT_SCALES
+    """Coarsest first."""
 
     solver: Newton = field(default_factory=Newton)
     """Minimises at each scale."""
 
-    def __post_init__(self) -> None:
-        if not self.blurs or list(self.blurs) != sorted(self.blurs, reverse=True):
-            raise InvalidInput(f"blurs must fall from coarse to fine, got {self.blurs}")
-        for blur in self.blurs:
-            require_at_least("blurs", blur, 0.0, unit="m")
+    loose_step: float = 0.01
+    """A blurred scale stops at steps below this share of its blur: the next one goes on."""
 
-    def minimise(self, objective_at: Callable[[float], Objective], start: Pose) -> Solution:
+    def __post_init__(self) -> None:
+        blurs = [scale.blur for scale in self.scales]
+        radii = [scale.largest_radius for scale in self.scales]
+        for name, values in (("blur", blurs), ("largest_radius", radii)):
+            if not values or values != sorted(values, reverse=True):
+                raise InvalidInput(f"{name} must not grow from scale to scale, got {values}")
+        require_fraction("loose_step", self.loose_step)
+
+    def minimise(self, objective_at: Callable[[int], Objective], start: Pose) -> Solution:
         """Return the solution of the finest scale, with the history of all of them.
 
         Parameters
         ----------
         objective_at : callable
-            Returns the objective for a blur [m].
+            Returns the objective at the scale of an index.
         start : Pose
             Where the coarsest scale begins.
         """
-        history: list[Iteration] = []
-        solution = self.solver.minimise(objective_at(self.blurs[0]), start)
-        history.extend(solution.history)
-        for blur in self.blurs[1:]:
-            solution = self.solver.minimise(objective_at(blur), solution.pose)
+        solution = self._solver_at(self.scales[0]).minimise(objective_at(0), start)
+        history = [*solution.history]
+        for index, scale in enumerate(self.scales[1:], start=1):
+            solution = self._solver_at(scale).minimise(objective_at(index), solution.pose)
             history.extend(solution.history)
         return Solution(solution.pose, solution.quadratic, solution.reason, tuple(history))
+
+    def _solver_at(self, scale: Scale) -> Newton:
+        stopping = self.solver.stopping
+        step = max(stopping.step, self.loose_step * scale.blur)
+        return replace(self.solver, stopping=replace(stopping, step=step))

@@ -1,13 +1,11 @@
 """What registration keeps of one scan: lines 1 to 5 of Algorithm 1 of Das et al. 2013."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from scanlock.arrays import Labels, Points, frozen
+from scanlock.arrays import Labels, Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.clouds.voxel_grid import voxel_labels, voxel_means
+from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import require_at_least, require_positive
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.ground import Ground, GroundStatus
@@ -24,9 +22,9 @@ class Landmarks:
     cloud : PointCloud
         The checked points of the whole scan.
     obstacles : (n, 3) [m]
-        The points that are not ground (all where there is none), thinned to one a voxel.
-    gaussians : Gaussians
-        One for each cluster, or for each voxel where there is no ground.
+        The points that are not ground; all points where there is no ground.
+    gaussians : tuple of Gaussians
+        One set for each scale, coarsest first: clusters, or voxels where there is no ground.
     notes : tuple of str
         What was found on the way.
     timings : mapping of str to float [s]
@@ -35,7 +33,7 @@ class Landmarks:
 
     cloud: PointCloud
     obstacles: Points
-    gaussians: Gaussians
+    gaussians: tuple[Gaussians, ...]
     notes: tuple[str, ...]
     timings: Mapping[str, float]
 
@@ -48,44 +46,54 @@ class LandmarkFinder:
     """Settings of the front end: a scan's ground removed, the rest as Gaussians."""
 
     segmenter: Segmenter = field(default_factory=Segmenter)
-    """Ground and clusters."""
+    """Ground and clusters; the scales of the registration decide how fine clusters are cut."""
 
     deviation_floor: float = 0.1
     """Least standard deviation of a Gaussian along any axis [m]: noise, and the jitter of a
     cluster's mean between two views."""
 
-    voxel_width: float = 3.0
-    """Side of the voxels that stand in for clusters where no ground separates them [m]."""
-
-    spacing: float = 0.5
-    """Side of the voxels that thin the obstacle points for P2D [m]."""
-
-    least_count: int = 6
-    """Voxels of fewer points are dropped: they define no covariance."""
-
     def __post_init__(self) -> None:
         require_positive("deviation_floor", self.deviation_floor, unit="m")
-        require_positive("voxel_width", self.voxel_width, unit="m")
-        require_positive("spacing", self.spacing, unit="m")
-        require_at_least("least_count", self.least_count, 1)
+        require_at_least("least_count", self.segmenter.clusters.least_count, 2)
 
-    def find(self, cloud: PointCloud) -> Landmarks:
-        """Return the landmarks of a cloud in its sensor's frame."""
+    def find(self, cloud: PointCloud, radii: Sequence[float]) -> Landmarks:
+        """Return the landmarks of a cloud in its sensor's frame.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+        radii : sequence of float [m]
+            Largest radius of a cluster at each scale, not growing.
+        """
         clock = StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
-            obstacles = np.ascontiguousarray(cloud.points[~ground.is_ground])
+            obstacles = read_only(cloud.points[~ground.is_ground])
+        distinct = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):
-            labels = self._parts(obstacles, ground)
+            # Without ground nothing separates the columns of polar bins; cubes take their place.
+            partitions = (
+                [voxel_labels(obstacles, radius)[0] for radius in distinct]
+                if ground.status is GroundStatus.NONE
+                else self._clusters(obstacles, ground, distinct)
+            )
         with clock.stage("gaussians"):
-            gaussians = Gaussians.from_labels(obstacles, labels, self.least_count)
-            gaussians = gaussians.floored(self.deviation_floor)
-            thinned = voxel_means(obstacles, self.spacing)
-        notes = (f"ground {ground.status.value}: {ground.reason}",)
-        return Landmarks(cloud, thinned, gaussians, notes, clock.seconds)
+            least_count = self.segmenter.clusters.least_count
+            gaussians = {
+                radius: Gaussians.from_labels(obstacles, labels, least_count).floored(
+                    self.deviation_floor
+                )
+                for radius, labels in zip(distinct, partitions, strict=True)
+            }
+        scales = tuple(gaussians[radius] for radius in radii)
+        note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
+        return Landmarks(cloud, obstacles, scales, (note,), clock.seconds)
 
-    def _parts(self, obstacles: Points, ground: Ground) -> Labels:
-        if ground.status is GroundStatus.NONE:
-            # Nothing separates the columns of a polar bin here, so cubes do.
-            return voxel_labels(obstacles, self.voxel_width)[0]
-        return self.segmenter.clusters.label(upright(obstacles, ground))[0]
+    def _clusters(self, obstacles: Points, ground: Ground, radii: Sequence[float]) -> list[Labels]:
+        finder = self.segmenter.clusters
+        labels, count = finder.grow(upright(obstacles, ground))
+        partitions: list[Labels] = []
+        for radius in radii:
+            labels, count = finder.cut(obstacles, labels, count, radius)
+            partitions.append(labels)
+        return partitions

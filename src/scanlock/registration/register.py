@@ -65,7 +65,7 @@ def register(
             clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
     notes = _notes(target_marks, source_marks)
 
-    parts = {"target": len(target_marks.gaussians), "source": len(source_marks.gaussians)}
+    parts = {"target": len(target_marks.gaussians[-1]), "source": len(source_marks.gaussians[-1])}
     if min(parts.values()) < _LEAST_PARTS:
         side = min(parts, key=lambda key: parts[key])
         reason = (
@@ -81,7 +81,7 @@ def register(
             target_marks, source_marks, local_pose(start, target_cloud, source_cloud)
         )
     with clock.stage("verdict"):
-        both = target_marks.gaussians, source_marks.gaussians
+        both = target_marks.gaussians[-1], source_marks.gaussians[-1]
         overlap = gaussian_overlap(*both, solution.pose)
         score = score_correlation(*both, solution.pose)
         status, reason = judge(solution, overlap, _LEAST_OVERLAP)
@@ -115,5 +115,4 @@ def _notes(target: Landmarks, source: Landmarks) -> tuple[str, ...]:
         if cloud.origin.any():
             notes.append(f"{role}: computed about the origin {cloud.origin.tolist()} m")
         notes.extend(f"{role}: {note}" for note in marks.notes)
-        notes.append(f"{role}: {len(marks.gaussians)} Gaussians")
     return tuple(notes)

@@ -3,7 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.voxel_grid import voxel_means
+from scanlock.errors import require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.objectives.quadratic import Objective
@@ -23,23 +26,37 @@ class SgcNdt:
     """Lines 1 to 5: ground removed, the rest clustered, clusters as Gaussians."""
 
     schedule: CoarseToFine = field(default_factory=CoarseToFine)
-    """Lines 6 to 21, at each blur in turn; a single blur of 0 is the paper's own."""
+    """Lines 6 to 21, at each scale in turn; `PAPER_SCALES` is the paper's single one."""
+
+    spacing: float = 0.5
+    """P2D takes the mean of the source's points in each voxel of this side [m]."""
+
+    spacing_share: float = 0.5
+    """P2D: under a blur the voxels grow to this share of it."""
+
+    def __post_init__(self) -> None:
+        require_positive("spacing", self.spacing, unit="m")
+        require_fraction("spacing_share", self.spacing_share)
 
     def prepare(self, cloud: PointCloud) -> Landmarks:
         """Return what the method keeps of a scan."""
-        return self.landmarks.find(cloud)
+        return self.landmarks.find(cloud, [scale.largest_radius for scale in self.schedule.scales])
 
     def align(self, target: Landmarks, source: Landmarks, start: Pose) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
 
-        def objective_at(blur: float) -> Objective:
+        def objective_at(index: int) -> Objective:
+            blur = self.schedule.scales[index].blur
             if self.score == "p2d":
+                spacing = max(self.spacing, self.spacing_share * blur)
                 # Only one side can be blurred, so it takes the blur of both.
                 return PointsToGaussians(
-                    target=target.gaussians.widened(blur * 2**0.5), points=source.obstacles
+                    target=target.gaussians[index].widened(blur * 2**0.5),
+                    points=read_only(voxel_means(source.obstacles, spacing)),
                 )
             return GaussiansToGaussians(
-                target=target.gaussians.widened(blur), source=source.gaussians.widened(blur)
+                target=target.gaussians[index].widened(blur),
+                source=source.gaussians[index].widened(blur),
             )
 
         return self.schedule.minimise(objective_at, start)

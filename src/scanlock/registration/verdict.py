@@ -3,6 +3,7 @@
 import numpy as np
 
 from scanlock.geometry.pose import Pose
+from scanlock.kernels.meeting import meeting_gaussians
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.result import Status
@@ -20,15 +21,15 @@ def gaussian_overlap(target: Gaussians, source: Gaussians, pose: Pose) -> float:
     their covariances, is below 9.
     """
     moved = source.transformed(pose)
-    met = np.zeros(len(source), dtype=np.bool_)
-    for i in range(len(source)):
-        gaps = target.means - moved.means[i]
-        near = np.flatnonzero(
-            np.einsum("mi,mi->m", gaps, gaps) < _MEETING_SQUARED * (target.widths + moved.widths[i])
-        )
-        both = target.covariances[near] + moved.covariances[i]
-        solved = np.linalg.solve(both, gaps[near][:, :, None])[:, :, 0]
-        met[i] = bool((np.einsum("mi,mi->m", gaps[near], solved) < _MEETING_SQUARED).any())
+    met = meeting_gaussians(
+        target.means,
+        target.packed_covariances,
+        target.widths,
+        moved.means,
+        moved.packed_covariances,
+        source.widths,
+        _MEETING_SQUARED,
+    )
     squares = source.weights**2
     return float(squares[met].sum() / squares.sum())
 
