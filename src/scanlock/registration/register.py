@@ -17,9 +17,6 @@ from scanlock.registration.verdict import gaussian_overlap, judge, score_correla
 _LEAST_PARTS = 3
 """Fewer Gaussians leave a rotation undetermined."""
 
-_LEAST_OVERLAP = 0.3
-"""Below this share of the source meeting the target a converged pose is not trusted."""
-
 
 def register(
     source: ArrayLike | PointCloud,
@@ -84,7 +81,7 @@ def register(
         both = target_marks.gaussians[-1], source_marks.gaussians[-1]
         overlap = gaussian_overlap(*both, solution.pose)
         score = score_correlation(*both, solution.pose)
-        status, reason = judge(solution, overlap, _LEAST_OVERLAP)
+        status, reason = judge(solution, overlap, score)
     clock.seconds["total"] = time.perf_counter() - begin
     pose = caller_pose(solution.pose, target_cloud, source_cloud)
     return Registration(
