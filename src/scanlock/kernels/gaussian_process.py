@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from scanlock.arrays import Mask, Vector
+from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel
 
 
@@ -48,10 +48,12 @@ def assimilate(
 
 @kernel
 def insac_sectors(
-    starts: Vector,
+    starts: Labels,
     ranges: Vector,
     heights: Vector,
-    state: Vector,
+    seeds: Mask,
+    lent_heights: Vector,
+    lent_noise: Vector,
     length: float,
     signal: float,
     noise: float,
@@ -61,10 +63,11 @@ def insac_sectors(
     """Grow the ground model of each sector from its seeds; return (accepted, mean, variance).
 
     Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
-    to the mean function). `state` is 1 for a seed and 0 for a candidate. A candidate joins when
-    its variance is below `variance_limit` and its residual over the standard deviation of an
-    observation there below `residual_limit`; mean and variance are brought up to date after
-    each sweep over the candidates, until a sweep accepts none.
+    to the mean function). A candidate joins when its variance is below `variance_limit` and its
+    residual over the standard deviation of an observation there below `residual_limit`; mean and
+    variance are brought up to date after each sweep over the candidates. When a sweep accepts
+    none, the innermost range that is still uncertain takes the height lent to it, if any
+    (`lent_noise` is the variance of that height, NaN for none), and the sweeps go on.
     """
     total = ranges.shape[0]
     accepted = np.zeros(total, np.bool_)
@@ -73,7 +76,7 @@ def insac_sectors(
     largest = 0
     for s in range(starts.shape[0] - 1):
         largest = max(largest, starts[s + 1] - starts[s])
-    factor = np.empty(largest * largest, np.float64)
+    factor = np.empty(2 * largest * largest, np.float64)
     joining = np.empty(largest, np.int64)
     for s in range(starts.shape[0] - 1):
         first = starts[s]
@@ -83,21 +86,89 @@ def insac_sectors(
         v = variance[first : first + n]
         used = 0
         count = 0
+        borrower = 0
         for j in range(n):
-            if state[first + j] == 1:
+            if seeds[first + j]:
                 joining[count] = j
                 count += 1
-        while count > 0:
+        while True:
             for c in range(count):
                 j = joining[c]
                 accepted[first + j] = True
-                assimilate(r, j, heights[first + j], noise, length, signal, m, v, factor, used)
+                height = float(heights[first + j])
+                assimilate(r, j, height, noise, length, signal, m, v, factor, used)
                 used += 1
             count = 0
-            for j in range(n):
-                if accepted[first + j] or v[j] >= variance_limit:
-                    continue
-                if abs(heights[first + j] - m[j]) < residual_limit * math.sqrt(noise + v[j]):
-                    joining[count] = j
-                    count += 1
+            if used > 0:
+                for j in range(n):
+                    if accepted[first + j] or v[j] >= variance_limit:
+                        continue
+                    if abs(heights[first + j] - m[j]) < residual_limit * math.sqrt(noise + v[j]):
+                        joining[count] = j
+                        count += 1
+            if count > 0:
+                continue
+            while borrower < n and (
+                v[borrower] < variance_limit or not lent_noise[first + borrower] >= 0.0
+            ):
+                borrower += 1
+            if borrower == n:
+                break
+            j = borrower
+            lent = float(lent_heights[first + j])
+            doubt = float(lent_noise[first + j])
+            assimilate(r, j, lent, doubt, length, signal, m, v, factor, used)
+            used += 1
+            borrower += 1
     return accepted, mean, variance
+
+
+@kernel
+def lend_heights(
+    starts: Labels,
+    ranges: Vector,
+    mean: Vector,
+    variance: Vector,
+    variance_limit: float,
+    reach: int,
+    slope: float,
+    gap: float,
+) -> tuple[Vector, Vector]:
+    """Return the (height, variance) that neighbouring sectors lend to uncertain prototypes.
+
+    On either side the nearest of `reach` sectors with a certain model within `gap` of the range
+    lends; `slope` is the standard deviation of the ground's slope across sectors, so a height
+    lent over the arc a is worth ``slope**2 a**2`` less. Two lenders are averaged by their
+    variances. NaN where nobody lends or nothing is needed.
+    """
+    total = ranges.shape[0]
+    sectors = starts.shape[0] - 1
+    height = np.full(total, math.nan, np.float64)
+    noise = np.full(total, math.nan, np.float64)
+    for s in range(sectors):
+        for i in range(starts[s], starts[s + 1]):
+            if variance[i] < variance_limit:
+                continue
+            weights = 0.0
+            weighted = 0.0
+            for side in (-1, 1):
+                for step in range(1, reach + 1):
+                    t = (s + side * step) % sectors
+                    best = -1
+                    nearest = gap
+                    for j in range(starts[t], starts[t + 1]):
+                        distance = abs(ranges[j] - ranges[i])
+                        if variance[j] < variance_limit and distance < nearest:
+                            best = j
+                            nearest = distance
+                    if best >= 0:
+                        arc = ranges[i] * step * 2.0 * math.pi / sectors
+                        across = arc * arc + nearest * nearest
+                        weight = 1.0 / (variance[best] + slope * slope * across)
+                        weights += weight
+                        weighted += weight * mean[best]
+                        break
+            if weights > 0.0:
+                height[i] = weighted / weights
+                noise[i] = 1.0 / weights
+    return height, noise

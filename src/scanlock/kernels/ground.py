@@ -1,19 +1,33 @@
-"""Passes over the points for ground segmentation: the lowest point of a cell, heights."""
+"""Passes over the points for ground segmentation: turning, lowest points, heights."""
 
 import math
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
+
+
+@kernel
+def turned_points(points: Points, rotation: Matrix) -> Points:
+    """Return ``rotation @ p`` of each point."""
+    turned = np.empty(points.shape, np.float64)
+    for i in range(points.shape[0]):
+        for k in range(3):
+            turned[i, k] = (
+                rotation[k, 0] * points[i, 0]
+                + rotation[k, 1] * points[i, 1]
+                + rotation[k, 2] * points[i, 2]
+            )
+    return turned
 
 
 @kernel
 def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
     """Return the row of the lowest point (-1 for none) and the point count of each cell.
 
-    Of equally low points the one nearer the origin, then the smaller x, then the smaller y
-    wins, so that the order of the rows does not matter.
+    Of equally low points the one nearer the origin, then the one of smaller x, then of smaller y
+    is taken, so that the order of the rows does not matter.
     """
     lowest = np.full(cell_count, -1, np.int64)
     count = np.zeros(cell_count, np.int64)
@@ -26,21 +40,18 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Lab
         if j < 0 or points[i, 2] < points[j, 2]:
             lowest[c] = i
         elif points[i, 2] == points[j, 2]:
-            a = points[i, 0] * points[i, 0] + points[i, 1] * points[i, 1]
-            b = points[j, 0] * points[j, 0] + points[j, 1] * points[j, 1]
-            if a < b or (
-                a == b
-                and (
-                    points[i, 0] < points[j, 0]
-                    or (points[i, 0] == points[j, 0] and points[i, 1] < points[j, 1])
-                )
-            ):
+            xi = points[i, 0]
+            yi = points[i, 1]
+            xj = points[j, 0]
+            yj = points[j, 1]
+            lead = xj * xj + yj * yj - xi * xi - yi * yi
+            if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
                 lowest[c] = i
     return lowest, count
 
 
 @kernel
-def heights_above_model(
+def heights_above_knots(
     points: Points,
     cells: Labels,
     plane: Vector,
@@ -72,3 +83,22 @@ def heights_above_model(
         slope = slope_in[k] if step < 0.0 else slope_out[k]
         height[i] = a * x + b * y + c * points[i, 2] + d - knot_height[k] - slope * step
     return height
+
+
+@kernel
+def split_by_height(height: Vector, limit: float) -> tuple[Mask, Mask, int]:
+    """Return which heights lie within `limit` of zero, which lie below, and how many near it.
+
+    The last counts the heights within three limits. NaN is in none of the three.
+    """
+    n = height.shape[0]
+    within = np.empty(n, np.bool_)
+    below = np.empty(n, np.bool_)
+    near = 0
+    for i in range(n):
+        h = height[i]
+        within[i] = abs(h) < limit
+        below[i] = h <= -limit
+        if abs(h) < 3.0 * limit:
+            near += 1
+    return within, below, near

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Mask, Vector
+from scanlock.arrays import Labels, Mask, Vector, read_only
 from scanlock.errors import require_positive
 from scanlock.kernels.gaussian_process import insac_sectors
 
@@ -17,13 +17,13 @@ class GaussianProcess:
     """
 
     length_scale: float = 10.0
-    """Distance over which heights stay alike [m]."""
+    """Distance over which heights stay alike [m] (Das and Servos, libwave settings)."""
 
     signal_deviation: float = 0.5
-    """Standard deviation of the ground about its mean function [m]."""
+    """Standard deviation of the ground about its mean function [m] (ours)."""
 
-    noise_deviation: float = 0.1
-    """Standard deviation of one prototype about the ground [m]."""
+    noise_deviation: float = 0.06
+    """Standard deviation of one prototype about the ground [m] (ours)."""
 
     def __post_init__(self) -> None:
         require_positive("length_scale", self.length_scale, unit="m")
@@ -39,8 +39,9 @@ class GaussianProcess:
         *,
         variance_limit: float,
         residual_limit: float,
+        lent: tuple[Vector, Vector] | None = None,
     ) -> tuple[Mask, Vector, Vector]:
-        """Grow a model of every sector from its seeds: INSAC of Tongtong et al. 2011.
+        """Grow a model of every sector from its seeds (INSAC).
 
         Parameters
         ----------
@@ -51,25 +52,39 @@ class GaussianProcess:
         seeds : (n,)
             The prototypes each sector starts from.
         variance_limit : float [m^2]
-            A prototype joins only where the model is at least this certain.
+            A prototype joins only where the variance of the model is below this.
         residual_limit : float
-            A prototype joins only within this many standard deviations of the model.
+            A prototype joins only within this many standard deviations of the model, its own
+            noise included.
+        lent : ((n,), (n,)) [m, m^2], optional
+            Heights from neighbouring sectors and their variances, NaN for none; taken one by
+            one, from the inside out, where the model is still uncertain when growth has ended.
 
         Returns
         -------
         accepted : (n,)
             The prototypes of the final models, seeds included.
         mean, variance : (n,) [m, m^2]
-            The final models at the ranges of all prototypes; without seeds, the prior.
+            The final models at the ranges of all prototypes; the prior in sectors without any.
+
+        Notes
+        -----
+        Tongtong, Dai, Liu and He 2011, as summarised by Das et al. 2013, section IV. The
+        factor of the covariance grows by one row for each prototype that joins, so no matrix
+        is inverted, and only the diagonal of the posterior covariance is ever formed.
         """
+        nobody = np.full(len(ranges), np.nan)
+        lent_heights, lent_noise = lent if lent is not None else (nobody, nobody)
         return insac_sectors(
-            starts,
-            ranges,
-            heights,
-            seeds.astype(np.int64),
-            self.length_scale,
-            self.signal_deviation**2,
-            self.noise_deviation**2,
-            variance_limit,
-            residual_limit,
+            read_only(starts),
+            read_only(ranges),
+            read_only(heights),
+            read_only(seeds),
+            read_only(lent_heights),
+            read_only(lent_noise),
+            float(self.length_scale),
+            float(self.signal_deviation) ** 2,
+            float(self.noise_deviation) ** 2,
+            float(variance_limit),
+            float(residual_limit),
         )

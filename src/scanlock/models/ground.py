@@ -11,24 +11,39 @@ from typing import Literal
 
 import numpy as np
 
-from scanlock.arrays import Labels, Mask, Points, Vector, frozen
+from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.errors import require_at_least, require_positive
-from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.ground import heights_above_model, lowest_in_cells
+from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
+from scanlock.geometry.rotations import rotation_onto_z
+from scanlock.kernels.ground import split_by_height, turned_points
 from scanlock.models.gaussian_process import GaussianProcess
+from scanlock.models.ground_model import (
+    Prototypes,
+    consensus_with_neighbours,
+    heights_above_model,
+)
 from scanlock.models.ground_plane import BasePlane, fit_base_plane
+from scanlock.models.ground_published import published_heights
+
+_LEAST_PROTOTYPES = 10
+"""Fewer low points on the base plane are no evidence of a ground (ours)."""
+
+_LEAST_BREADTH = 0.5
+"""Standard deviation [m] that the ground must spread along both its axes (ours): the foot of a
+wall is a line, a step of a stair a narrow strip."""
+
+_NO_PLANE = np.array([0.0, 0.0, 1.0, math.nan])
 
 
 class GroundStatus(enum.Enum):
     """Whether there is a ground to speak of."""
 
     FOUND = "found"
-    """A ground, with the sensor's z axis close to its normal."""
+    """A ground, and the z axis of the cloud is its upward normal to a few degrees."""
 
     TILTED = "tilted"
-    """A ground, found after turning the cloud upright; its own z axis is not up."""
+    """A ground just as trusted, found after turning the cloud upright: z is not up."""
 
     NONE = "none"
     """No believable ground; no point is called ground."""
@@ -42,193 +57,266 @@ class Ground:
     ----------
     is_ground : (n,)
         One answer for each row of ``cloud.points``.
+    is_below : (n,)
+        Points clearly beneath the modelled ground: reflections, or a lower level. Never ground.
     height : (n,) [m]
         Height above the modelled ground; NaN where nothing is modelled.
     status : GroundStatus
         Whether a ground was found.
     reason : str
         One sentence that says why.
+    plane : (4,)
+        The base plane: ``plane[:3] @ p + plane[3]`` is the height of p above it [m].
+        ``plane[3]`` is NaN without ground.
     sensor_height : float [m]
-        Height of the cloud's frame origin above the ground below it; NaN when unknown.
-    up : (3,)
-        Unit normal of the base plane in the frame of the cloud.
-    tilt : float [rad]
-        Angle between `up` and the z axis.
+        Height of the origin of the cloud's frame above the base plane; NaN without ground, and
+        where the cloud was recentred, so that its origin is no sensor.
     sectors : int
-        Sectors with a model of their own.
+        Sectors with ground of their own, not lent by neighbours.
     """
 
     is_ground: Mask
+    is_below: Mask
     height: Vector
     status: GroundStatus
     reason: str
+    plane: Vector
     sensor_height: float
-    up: Vector
-    tilt: float
     sectors: int
 
     def __post_init__(self) -> None:
-        for array in (self.is_ground, self.height, self.up):
+        for array in (self.is_ground, self.is_below, self.height, self.plane):
             frozen(array)
+
+    @property
+    def up(self) -> Vector:
+        """(3,) unit normal of the base plane in the frame of the cloud; z without ground."""
+        return self.plane[:3]
+
+    @property
+    def tilt(self) -> float:
+        """Angle between `up` and the z axis [rad]."""
+        x, y, z = self.up
+        return math.atan2(math.hypot(x, y), z)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GroundFinder:
-    """Finds the ground of one scan; the default corrects the published method."""
+    """Finds the ground of one scan.
+
+    ``GroundFinder()`` is the corrected method, which needs no sensor height;
+    ``GroundFinder.das2013()`` the method with its published constants and defects.
+    """
+
+    form: Literal["corrected", "published"] = "corrected"
+    """Corrected: heights about a base plane, decided against the model, uncertain sectors
+    helped by their neighbours. Published: heights about the sensor's own, decided against the
+    lowest point of each cell."""
 
     grid: PolarGrid = field(
         default_factory=lambda: PolarGrid(
             sectors=180, max_range=100.0, first_width=0.5, growth=1.03
         )
     )
-    """Sectors and range bins of the prototypes."""
+    """Sectors and range bins; one prototype per cell. Bins grow, as returns thin out (ours)."""
 
-    process: GaussianProcess = field(
-        default_factory=lambda: GaussianProcess(
-            length_scale=10.0, signal_deviation=0.5, noise_deviation=0.06
-        )
-    )
+    process: GaussianProcess = field(default_factory=GaussianProcess)
     """The ground of one sector about its mean function."""
 
-    mean: Literal["plane", "zero"] = "plane"
-    """Mean function of the process: the base plane, or height zero of the sensor's frame."""
-
-    variance_limit: float = 0.09
-    """A prototype joins where the variance of the model is below this, T_model [m^2]."""
+    variance_limit: float = 0.04
+    """A prototype joins, and a height counts as known, where the variance of the model is below
+    this [m^2], T_model (ours; the published 5 accepts always)."""
 
     residual_limit: float = 3.0
-    """A prototype joins within this many standard deviations of the model, T_data."""
+    """A prototype joins within this many standard deviations of the model, T_data (ours)."""
 
-    height_limit: float = 0.2
-    """A point within this height of the modelled ground is ground, T_g [m]."""
+    height_limit: float = 0.25
+    """A point this close to the modelled ground is ground [m], T_g (ours; 0.3 published)."""
 
     seed_height: float = 0.3
-    """A prototype this close to the base plane is a seed [m]."""
+    """A prototype this close to the mean function may be a seed [m] (ours)."""
+
+    seed_range: float = math.inf
+    """A prototype within this range may be a seed [m]."""
+
+    seed_count: int | None = None
+    """Most seeds of a sector, the lowest; None takes all. Published form only."""
 
     min_points: int = 1
     """A cell with fewer points has no prototype."""
 
     max_tilt: float = math.radians(45.0)
-    """No ground is looked for beyond this angle from the z axis [rad]."""
+    """No ground is looked for beyond this angle between its normal and the z axis [rad]."""
 
     level_tilt: float = math.radians(5.0)
     """Beyond this angle the cloud is turned upright before its ground is modelled [rad]."""
 
-    min_support: float = 0.15
-    """Share of the prototypes that must lie on the base plane."""
+    min_support: float = 0.2
+    """Share of the prototypes that must lie on the base plane (ours)."""
+
+    min_sharpness: float = 0.55
+    """Share of the points within three `height_limit` of the ground that must lie within one
+    (ours): a ground is a surface, while walls, leaves and noise go on above it."""
 
     def __post_init__(self) -> None:
+        if self.form not in ("corrected", "published"):
+            raise InvalidInput(f"form must be 'corrected' or 'published', got {self.form!r}")
         require_positive("variance_limit", self.variance_limit, unit="m^2")
         require_positive("residual_limit", self.residual_limit)
         require_positive("height_limit", self.height_limit, unit="m")
         require_positive("seed_height", self.seed_height, unit="m")
-        require_at_least("min_points", self.min_points, 1)
-
-    def find(self, cloud: PointCloud) -> Ground:
-        """Return the ground of a cloud whose z axis points roughly upwards."""
-        points, rotation = cloud.points, np.eye(3)
-        prototypes = self._prototypes(points)
-        plane = self._base_plane(prototypes)
-        for _ in range(2):
-            if plane is None or _tilt(plane.normal) <= self.level_tilt:
-                break
-            upright = _turn_up(plane.normal)
-            points, rotation = points @ upright.T, upright @ rotation
-            prototypes = self._prototypes(points)
-            plane = self._base_plane(prototypes)
-        if plane is None:
-            return _no_ground(cloud, "no plane fits the lowest points")
-        if plane.support < self.min_support:
-            return _no_ground(
-                cloud, f"only {plane.support:.0%} of the lowest points lie on a common plane"
+        if not self.seed_range > 0:
+            raise InvalidInput(f"seed_range must be positive, got {self.seed_range} m")
+        if self.seed_count is not None:
+            require_count("seed_count", self.seed_count, 2)
+        require_count("min_points", self.min_points, 1)
+        require_fraction("min_support", self.min_support)
+        require_fraction("min_sharpness", self.min_sharpness)
+        if not 0 < self.level_tilt <= self.max_tilt < math.pi / 2:
+            raise InvalidInput(
+                "level_tilt and max_tilt must satisfy 0 < level_tilt <= max_tilt < pi/2, got "
+                f"{self.level_tilt} and {self.max_tilt} rad"
             )
-        up = rotation.T @ plane.normal
-        model = self._model(prototypes, plane)
-        height = heights_above_model(points, prototypes.cells, plane.coefficients, *model)
-        is_ground = np.abs(height) < self.height_limit
-        tilt = _tilt(up)
-        status = GroundStatus.FOUND if tilt <= self.level_tilt else GroundStatus.TILTED
-        return Ground(
-            is_ground=is_ground,
-            height=height,
-            status=status,
-            reason=f"{plane.support:.0%} of the lowest points lie on the base plane",
-            sensor_height=math.nan if cloud.origin.any() else plane.offset,
-            up=up,
-            tilt=tilt,
-            sectors=int(np.isfinite(model[1].reshape(self.grid.sectors, -1)).any(axis=1).sum()),
+
+    @classmethod
+    def das2013(cls) -> "GroundFinder":
+        """Return the published method: settings of libwave, by the authors of Das et al. 2013.
+
+        Its defects are part of it: the variance gate never closes, residuals of 2.7 m pass,
+        and away from its prototypes the model drifts back to the height of the sensor. Unlike
+        the public code it answers for every point: what that code leaves out is not ground.
+        """
+        return cls(
+            form="published",
+            grid=PolarGrid(sectors=72, max_range=100.0, first_width=0.5),
+            process=GaussianProcess(
+                length_scale=10.0, signal_deviation=1.0, noise_deviation=math.sqrt(0.3)
+            ),
+            variance_limit=5.0,
+            residual_limit=5.0,
+            height_limit=0.3,
+            seed_height=15.0,
+            seed_range=50.0,
+            seed_count=10,
+            min_points=6,
         )
 
-    def _prototypes(self, points: Points) -> "_Prototypes":
-        cells = self.grid.cells(points)
-        cell_count = self.grid.sectors * self.grid.bins
-        lowest, count = lowest_in_cells(points, cells, cell_count)
-        used = np.flatnonzero(count >= self.min_points)
-        low = points[lowest[used]]
-        starts = np.searchsorted(used, np.arange(self.grid.sectors + 1) * self.grid.bins)
-        return _Prototypes(cells, used, low, np.hypot(low[:, 0], low[:, 1]), starts, cell_count)
+    def find(self, cloud: PointCloud) -> Ground:
+        """Return the ground of a cloud whose z axis points upwards within `max_tilt`.
 
-    def _base_plane(self, prototypes: "_Prototypes") -> BasePlane | None:
-        return fit_base_plane(prototypes.points, gate=0.2, gate_slope=0.02, max_tilt=self.max_tilt)
+        Never raises for want of ground: see `Ground.status` and `Ground.reason`.
+        """
+        if self.form == "published":
+            return self._find_published(cloud)
+        points, rotation = cloud.points, np.eye(3)
+        prototypes = Prototypes.of(points, self.grid, self.min_points)
+        plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        # The second turn mends what prototypes taken in a tilted frame got wrong.
+        for _ in range(2):
+            if plane is None or plane.tilt <= self.level_tilt:
+                break
+            upright = rotation_onto_z(plane.normal)
+            points = turned_points(read_only(points), read_only(upright))
+            rotation = upright @ rotation
+            prototypes = Prototypes.of(points, self.grid, self.min_points)
+            plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        if plane is None:
+            return _no_ground(cloud, "no plane fits the lowest points")
+        up = rotation.T @ plane.normal
+        doubt = self._doubt_about(plane, up, len(prototypes.points))
+        if doubt:
+            return _no_ground(cloud, doubt)
+        height, sectors = self._heights(points, prototypes, plane)
+        is_ground, is_below, near = split_by_height(read_only(height), self.height_limit)
+        sharpness = float(is_ground.sum()) / max(near, 1)
+        if sharpness < self.min_sharpness:
+            return _no_ground(
+                cloud,
+                f"only {sharpness:.0%} of the points near the modelled ground lie on it; "
+                "it is no surface",
+            )
+        tilted = _tilt(up) > self.level_tilt
+        return Ground(
+            is_ground=is_ground,
+            is_below=is_below,
+            height=height,
+            status=GroundStatus.TILTED if tilted else GroundStatus.FOUND,
+            reason=f"{plane.support:.0%} of the lowest points lie on the base plane"
+            + (f", {math.degrees(_tilt(up)):.0f} degrees off the z axis" if tilted else ""),
+            plane=np.append(up, plane.offset),
+            sensor_height=math.nan if cloud.origin.any() else plane.offset,
+            sectors=sectors,
+        )
 
-    def _model(
-        self, prototypes: "_Prototypes", plane: BasePlane
-    ) -> tuple[Vector, Vector, Vector, Vector]:
-        heights = plane.heights(prototypes.points)
-        _, mean, variance = self.process.consensus(
-            prototypes.starts,
-            prototypes.ranges,
-            heights,
-            np.abs(heights) < self.seed_height,
+    def _doubt_about(self, plane: BasePlane, up: Vector, prototypes: int) -> str:
+        """Return why a base plane is no ground; empty if nothing speaks against it."""
+        if _tilt(up) > self.max_tilt:
+            return f"the plane of the lowest points is tilted by {math.degrees(_tilt(up)):.0f} deg"
+        if plane.support < self.min_support:
+            return f"only {plane.support:.0%} of the lowest points lie on a common plane"
+        if plane.support * prototypes < _LEAST_PROTOTYPES:
+            return f"only {plane.support * prototypes:.0f} low points lie on a common plane"
+        if plane.breadth < _LEAST_BREADTH:
+            return f"the lowest points lie along a line, {plane.breadth:.2f} m wide"
+        return ""
+
+    def _heights(
+        self, points: Points, prototypes: Prototypes, plane: BasePlane
+    ) -> tuple[Vector, int]:
+        """Return the heights above the corrected model and the number of sectors of its own."""
+        above_plane = plane.heights(prototypes.points)
+        seeds = (np.abs(above_plane) < self.seed_height) & (prototypes.ranges < self.seed_range)
+        accepted, modelled = consensus_with_neighbours(
+            prototypes,
+            self.process,
+            above_plane,
+            seeds,
             variance_limit=self.variance_limit,
             residual_limit=self.residual_limit,
         )
-        mean[variance >= self.variance_limit] = np.nan
-        ranges, cells = prototypes.ranges, prototypes.used
-        with np.errstate(invalid="ignore"):
-            slopes = np.diff(mean) / np.maximum(np.diff(ranges), 1e-3)
-        slopes[np.diff(cells // self.grid.bins) != 0] = np.nan
-        slopes = np.concatenate([[np.nan], slopes, [np.nan]])
-        slope_in = np.where(np.isfinite(slopes[:-1]), slopes[:-1], 0.0)
-        slope_out = np.where(np.isfinite(slopes[1:]), slopes[1:], 0.0)
-        full = np.full((4, prototypes.cell_count), np.nan)
-        full[:, cells] = ranges, mean, slope_in, slope_out
-        return full[0], full[1], full[2], full[3]
+        height = heights_above_model(points, prototypes, plane, modelled)
+        return height, prototypes.sectors_of(accepted)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Prototypes:
-    """The lowest point of each occupied cell, sector by sector and outwards."""
-
-    cells: Labels
-    used: Labels
-    points: Points
-    ranges: Vector
-    starts: Labels
-    cell_count: int
+    def _find_published(self, cloud: PointCloud) -> Ground:
+        prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
+        height, sectors = published_heights(
+            cloud.points,
+            prototypes,
+            self.process,
+            variance_limit=self.variance_limit,
+            residual_limit=self.residual_limit,
+            seed_height=self.seed_height,
+            seed_range=self.seed_range,
+            seed_count=self.seed_count,
+        )
+        if sectors == 0:
+            return _no_ground(cloud, "no sector has two prototypes to start from")
+        is_ground, is_below, _ = split_by_height(read_only(height), self.height_limit)
+        return Ground(
+            is_ground=is_ground,
+            is_below=is_below,
+            height=height,
+            status=GroundStatus.FOUND,
+            reason=f"{sectors} sectors have prototypes to start from, believed as published",
+            plane=_NO_PLANE,
+            sensor_height=math.nan,
+            sectors=sectors,
+        )
 
 
 def _tilt(normal: Vector) -> float:
-    return float(np.arctan2(np.hypot(normal[0], normal[1]), normal[2]))
-
-
-def _turn_up(normal: Vector) -> Points:
-    axis = np.array([normal[1], -normal[0], 0.0])
-    sine = float(np.linalg.norm(axis))
-    if sine == 0.0:
-        return np.eye(3)
-    return exp_rotation(axis / sine * math.atan2(sine, float(normal[2])))
+    return math.atan2(math.hypot(normal[0], normal[1]), normal[2])
 
 
 def _no_ground(cloud: PointCloud, reason: str) -> Ground:
     n = len(cloud)
     return Ground(
         is_ground=np.zeros(n, dtype=np.bool_),
+        is_below=np.zeros(n, dtype=np.bool_),
         height=np.full(n, np.nan),
         status=GroundStatus.NONE,
         reason=reason,
+        plane=_NO_PLANE.copy(),
         sensor_height=math.nan,
-        up=np.array([0.0, 0.0, 1.0]),
-        tilt=math.nan,
         sectors=0,
     )

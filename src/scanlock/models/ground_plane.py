@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, frozen
+from scanlock.arrays import Points, Vector, frozen, read_only
 from scanlock.kernels.ground_plane import best_triple_plane, plane_moments, plane_score
 
 _TRIPLES = 600
@@ -16,10 +16,14 @@ _SCORED = 700
 _REACHES = (2.0, 1.5, 1.0, 1.0)
 """Gates, narrowing, of the reweighted fits that refine the best plane (ours)."""
 
+_GATE, _GATE_SLOPE = 0.2, 0.02
+"""A low point is near a plane within ``_GATE`` [m] plus ``_GATE_SLOPE`` times its range (ours):
+natural ground leaves its tangent plane with distance."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BasePlane:
-    """The plane ``normal . p + offset = 0`` shared by most low points.
+    """The plane ``normal . p + offset = 0`` that low points share.
 
     Attributes
     ----------
@@ -30,7 +34,7 @@ class BasePlane:
     support : float
         Score of the plane over the number of low points: 1 when all lie on it.
     breadth : float [m]
-        Standard deviation of its points along the direction in which they spread less.
+        Standard deviation of its points in the direction along which they spread less.
     """
 
     normal: Vector
@@ -44,46 +48,48 @@ class BasePlane:
     @property
     def coefficients(self) -> Vector:
         """(4,): height above the plane as ``a x + b y + c z + d``."""
-        coefficients = np.array([*self.normal, self.offset])
+        coefficients = np.append(self.normal, self.offset)
         frozen(coefficients)
         return coefficients
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the normal and the z axis [rad]."""
+        return float(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2]))
 
     def heights(self, points: Points) -> Vector:
         """Return the (n,) heights [m] of points above the plane."""
         return points @ self.normal + self.offset
 
 
-def fit_base_plane(
-    low_points: Points, *, gate: float, gate_slope: float, max_tilt: float
-) -> BasePlane | None:
+def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     """Return the plane that serves best as the ground of (n, 3) low points; None without one.
 
-    A low point is near a plane within ``gate + gate_slope * range`` [m]. Planes tilted beyond
-    `max_tilt` [rad] are not tried. Deterministic.
+    A plane gains by each low point near it and loses by each one clearly beneath it, so a
+    table or a ceiling loses to the floor, and a bridge under the sensor may still win over the
+    valley. Planes tilted beyond `max_tilt` [rad] are not tried. Deterministic.
     """
     n = len(low_points)
     if n < 3:
         return None
-    gates = gate + gate_slope * np.hypot(low_points[:, 0], low_points[:, 1])
-    frozen(low_points)
-    frozen(gates)
-    stride = max(1, n // _SCORED)
+    low = read_only(low_points)
+    gates = read_only(_GATE + _GATE_SLOPE * np.hypot(low[:, 0], low[:, 1]))
     nx, ny, nz, d, score = best_triple_plane(
-        low_points, gates, _TRIPLES, stride, float(np.cos(max_tilt))
+        low, gates, _TRIPLES, max(1, n // _SCORED), float(np.cos(max_tilt))
     )
-    if score <= 0:
+    if score <= 0.0:
         return None
     normal, breadth = np.array([nx, ny, nz]), 0.0
     for reach in _REACHES:
-        sums = plane_moments(low_points, gates, normal[0], normal[1], normal[2], d, reach)
-        if sums[0] <= 0:
+        sums = plane_moments(low, gates, normal[0], normal[1], normal[2], d, reach)
+        if sums[0] <= 0.0:
             return None
         mean = sums[1:4] / sums[0]
         xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
         second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         spread, axes = np.linalg.eigh(second - np.outer(mean, mean))
-        normal = axes[:, 0] * (1.0 if axes[2, 0] >= 0 else -1.0)
+        normal = axes[:, 0] if axes[2, 0] >= 0.0 else -axes[:, 0]
         d = -float(normal @ mean)
         breadth = float(np.sqrt(max(spread[1], 0.0)))
-    score = plane_score(low_points, 1, gates, normal[0], normal[1], normal[2], d)
+    score = plane_score(low, 1, gates, normal[0], normal[1], normal[2], d)
     return BasePlane(normal, d, max(score, 0.0) / n, breadth)
