@@ -36,7 +36,7 @@ class PointCloud:
     points : (n, 3) [m]
         C-contiguous float64 and read-only; ``points + origin`` are the caller's coordinates.
     origin : (3,) [m]
-        Zero for sensor frames; a point of the cloud for map-projection coordinates.
+        Zero for sensor frames; whole metres amid the cloud for map-projection coordinates.
     rows : (n,)
         The row of the caller's array that each point came from.
     input_count : int

@@ -1,0 +1,66 @@
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+from scanlock.kernels._compile import kernel, sum_kernel
+
+
+@kernel
+def _ratio(a, b):
+    return a / b
+
+
+@sum_kernel
+def _sum_of_finite(values):
+    total = 0.0
+    skipped = 0
+    for value in values:
+        if np.isnan(value) or np.isinf(value):
+            skipped += 1
+        else:
+            total += value
+    return total, skipped
+
+
+def test_decorating_compiles_nothing_and_the_first_call_does():
+    @kernel
+    def twice(a):
+        return 2 * a
+
+    assert twice.signatures == []
+    assert twice(2.5) == 5.0
+    assert len(twice.signatures) == 1
+
+
+def test_kernels_divide_like_numpy():
+    assert _ratio(1.0, 0.0) == np.inf
+
+
+def test_reordered_sums_still_see_nan_and_infinity():
+    values = np.array([1.0, np.nan, 2.0, np.inf, -np.inf, 4.0])
+    assert _sum_of_finite(values) == (7.0, 3)
+
+
+def test_reordered_sums_repeat_bit_for_bit():
+    values = np.random.default_rng(0).normal(size=10_001)
+    assert len({_sum_of_finite(values)[0] for _ in range(20)}) == 1
+
+
+def test_a_kernel_works_where_no_cache_can_be_written():
+    # Only archives may be cached, and the file is none, so Numba finds no place for its cache.
+    code = (
+        "import numpy as np\n"
+        "from scanlock.kernels.polar import polar_cells\n"
+        "print(polar_cells(np.array([[1.0, 0.1, 0.0]]), 4, np.array([0.0, 2.0])))\n"
+    )
+    environment = os.environ | {"NUMBA_CACHE_LOCATOR_CLASSES": "ZipCacheLocator"}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("[0]\n", "")
