@@ -14,6 +14,13 @@ from scanlock.registration.coarse_to_fine import CoarseToFine
 from scanlock.registration.landmarks import LandmarkFinder, Landmarks
 from scanlock.solvers.newton import Solution
 
+_POINT_BLUR = 2.0 * 2**0.5
+"""Blur of the target in P2D over that of either scan in D2D.
+
+Points cannot be blurred, so the target takes the blur of both (a factor of root two); points
+also lack the extent of clusters, and twice as much again gives P2D the basin of D2D.
+"""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SgcNdt:
@@ -31,7 +38,7 @@ class SgcNdt:
     spacing: float = 0.5
     """P2D takes the mean of the source's points in each voxel of this side [m]."""
 
-    spacing_share: float = 0.5
+    spacing_share: float = 1.0
     """P2D: under a blur the voxels grow to this share of it."""
 
     def __post_init__(self) -> None:
@@ -49,9 +56,8 @@ class SgcNdt:
             blur = self.schedule.scales[index].blur
             if self.score == "p2d":
                 spacing = max(self.spacing, self.spacing_share * blur)
-                # Only one side can be blurred, so it takes the blur of both.
                 return PointsToGaussians(
-                    target=target.gaussians[index].widened(blur * 2**0.5),
+                    target=target.gaussians[index].widened(_POINT_BLUR * blur),
                     points=read_only(voxel_means(source.obstacles, spacing)),
                 )
             return GaussiansToGaussians(
