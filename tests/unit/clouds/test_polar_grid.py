@@ -137,3 +137,17 @@ def test_one_compiled_signature_whatever_comes_through_the_gate():
             grid.cells(cloud.points[cloud.points[:, 2] > 0])
             grid.cells(cloud.points[::2])
     assert len(polar_cells.signatures) == 1
+
+
+@pytest.mark.data
+def test_cells_of_a_real_scan_match_the_definition(scan_data):
+    [path, *_] = sorted((scan_data / "kitti_drive_0005").glob("**/velodyne_points/data/*.bin"))
+    scan = np.fromfile(path, np.float32).reshape(-1, 4)
+    cloud = PointCloud.from_array(scan)
+    assert len(cloud) == len(scan)
+    grid = PolarGrid(first_width=0.3, growth=1.03)
+    sample = cloud.points[::150]
+    clear = [polar.distance_to_sector_edge(x, y, grid.sectors) > 1e-9 for x, y, _ in sample]
+    expected = [polar.cell(x, y, grid.sectors, grid.edges) for x, y, _ in sample[clear]]
+    np.testing.assert_array_equal(grid.cells(cloud.points)[::150][clear], expected)
+    assert len(expected) > 500
