@@ -30,6 +30,7 @@ def tile_lists(
     tiles = columns * rows
     starts = np.zeros(tiles + 1, np.int64)
     members = np.empty(0, np.int64)
+    cursor = np.empty(0, np.int64)
     for fill in range(2):
         if fill == 1:
             for tile in range(tiles):
