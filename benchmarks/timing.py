@@ -1,0 +1,94 @@
+"""CPU time of one pair of 120k-point scans, raw arrays to pose, split by stage.
+
+    python benchmarks/timing.py --data FOLDER [--repeats 20]
+
+Five pairs of a city drive, ten scans apart, from the identity; each method in turn, pair by
+pair, after warm-up, and the median over all. Peers get the same raw float64 arrays. The ratio is
+to scanlock's default in the same run; milliseconds belong to the machine named.
+"""
+
+import argparse
+import os
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from contenders import Cloud
+from real_scans import kitti_drive
+from scanlock.registration.methods import DEFAULT_METHOD, METHODS
+from scanlock.registration.register import register
+from tables import machine, print_table
+
+Stages = dict[str, float]
+
+
+def ours(method: str) -> Callable[[Cloud, Cloud], Stages]:
+    def run(source: Cloud, target: Cloud) -> Stages:
+        timings = dict(register(source=source, target=target, method=method).timings)
+        del timings["total"]
+        return timings
+
+    return run
+
+
+def small_gicp_run(kind: str) -> Callable[[Cloud, Cloud], Stages]:
+    import small_gicp
+
+    def run(source: Cloud, target: Cloud) -> Stages:
+        begin = time.perf_counter()
+        target_cloud, tree = small_gicp.preprocess_points(target, downsampling_resolution=0.25)
+        source_cloud, _ = small_gicp.preprocess_points(source, downsampling_resolution=0.25)
+        prepared = time.perf_counter()
+        if kind == "VGICP":
+            voxels = small_gicp.GaussianVoxelMap(1.0)
+            voxels.insert(target_cloud)
+            small_gicp.align(voxels, source_cloud)
+        else:
+            small_gicp.align(target_cloud, source_cloud, tree)
+        return {"prepare": prepared - begin, "align": time.perf_counter() - prepared}
+
+    return run
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=os.environ.get("SCANLOCK_DATA"))
+    parser.add_argument("--repeats", type=int, default=20, help="rounds over the five pairs")
+    arguments = parser.parse_args()
+    if arguments.data is None:
+        parser.error("give --data FOLDER or set SCANLOCK_DATA")
+    runs = {f"scanlock {method}": ours(method) for method in METHODS}
+    runs |= {f"small_gicp {kind}": small_gicp_run(kind) for kind in ("GICP", "VGICP")}
+    pairs = [
+        (p.load_source(), p.load_target()) for p in list(kitti_drive(arguments.data, 10))[::11]
+    ]
+    for run in runs.values():
+        run(*pairs[0])
+
+    cpu: dict[str, list[float]] = defaultdict(list)
+    stages: dict[str, list[Stages]] = defaultdict(list)
+    for _ in range(arguments.repeats):
+        for source, target in pairs:
+            for name, run in runs.items():
+                begin = time.process_time()
+                stages[name].append(run(source, target))
+                cpu[name].append(time.process_time() - begin)
+
+    unit = float(np.median(cpu[f"scanlock {DEFAULT_METHOD}"]))
+    print(machine(), "\n")
+    rows: list[tuple[str, ...]] = []
+    for name, seconds in cpu.items():
+        total = float(np.median(seconds))
+        split = ", ".join(
+            f"{stage} {1e3 * np.median([one[stage] for one in stages[name]]):.1f}"
+            for stage in stages[name][0]
+        )
+        rows.append((name, f"{1e3 * total:.0f}", f"{total / unit:.2f}", split))
+    print_table(("method", "CPU ms", "ratio", "wall ms a stage"), rows)
+
+
+if __name__ == "__main__":
+    main()
