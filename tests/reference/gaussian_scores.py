@@ -1,0 +1,60 @@
+"""Scores of NDT pair by pair: rho and Lambda of Das et al. 2013, sections VI and VII."""
+
+import numpy as np
+
+
+def window(s, start, end):
+    """1 up to `start`, 0 from `end` on, and the quintic with flat ends in between."""
+    v = np.clip((s - start) / (end - start), 0.0, 1.0)
+    return 1.0 - (6.0 * v**5 - 15.0 * v**4 + 10.0 * v**3)
+
+
+def rho(s, sharpness=1.0, start=16.0, end=25.0):
+    """Likelihood of one pair at squared Mahalanobis distance s, cut by the window."""
+    return np.exp(-0.5 * sharpness * s) * window(s, start, end)
+
+
+def d2d_squared(pose, target_means, target_covariances, source_means, source_covariances):
+    """Squared Mahalanobis distance of every pair (source, target), no pair left out."""
+    R = pose.rotation
+    gaps = (source_means @ R.T + pose.translation)[:, None] - target_means[None]
+    sums = (R @ source_covariances @ R.T)[:, None] + target_covariances[None]
+    return np.einsum("ija,ijab,ijb->ij", gaps, np.linalg.inv(sums), gaps)
+
+
+def d2d_value(pose, target, source, **shape):
+    """Minus the weighted sum over all pairs; weights are roots of counts, of unit length."""
+    s = d2d_squared(pose, target.means, target.covariances, source.means, source.covariances)
+    weights = [np.sqrt(side.counts) / np.sqrt(side.counts.sum()) for side in (source, target)]
+    return -float(weights[0] @ rho(s, **shape) @ weights[1])
+
+
+def p2d_value(pose, target, points, **shape):
+    """Minus the mean over the points of the sum over all Gaussians."""
+    gaps = (points @ pose.rotation.T + pose.translation)[:, None] - target.means[None]
+    s = np.einsum("ija,jab,ijb->ij", gaps, np.linalg.inv(target.covariances), gaps)
+    return -float(rho(s, **shape).sum() / len(points))
+
+
+def own_cell_value(pose, target, points, width):
+    """The P2D of Biber: each point against the Gaussian whose mean shares its cube, if any."""
+    moved = points @ pose.rotation.T + pose.translation
+    total = 0.0
+    for point in moved:
+        for mean, covariance in zip(target.means, target.covariances, strict=True):
+            if (np.floor(mean / width) == np.floor(point / width)).all():
+                gap = point - mean
+                total -= rho(gap @ np.linalg.inv(covariance) @ gap)
+    return float(total) / len(points)
+
+
+def tile_members(means, radii, corner, width, columns, rows):
+    """Which discs reach each square tile, by the distance from the disc's centre to it."""
+    members = []
+    for row in range(rows):
+        for column in range(columns):
+            low = corner + width * np.array([column, row])
+            nearest = np.clip(means[:, :2], low, low + width)
+            gap = np.linalg.norm(nearest - means[:, :2], axis=1)
+            members.append(np.flatnonzero(gap <= radii).tolist())
+    return members

@@ -1,0 +1,91 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from reference import gaussian_scores as reference
+from reference.samples import gaussians
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.d2d import d2d_terms
+from scanlock.models.gaussians import Gaussians
+
+
+def _terms(target, source, pose, *, sharpness=1.0, start=16.0, end=25.0, width_factor=1.0):
+    def side(part):
+        widths = width_factor * part.widths
+        widths.setflags(write=False)
+        return part.means, part.packed_covariances, widths, part.weights
+
+    return d2d_terms(
+        *side(target), *side(source), pose.rotation, pose.translation, sharpness, start, end
+    )
+
+
+def _one(mean, variance):
+    return Gaussians(np.array([mean]), variance * np.eye(3)[None], np.array([1]))
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 0.3])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_value_is_the_sum_over_all_pairs(seed, sharpness):
+    rng = np.random.default_rng(seed)
+    target, source = gaussians(rng, 60), gaussians(rng, 50)
+    pose = Pose.from_step(rng.normal(0.0, [3.0, 3.0, 1.0, 1.0, 1.0, 2.0]))
+    value = _terms(target, source, pose, sharpness=sharpness)[0]
+    expected = reference.d2d_value(pose, target, source, sharpness=sharpness)
+    assert expected < 0.0
+    np.testing.assert_allclose(value, expected, rtol=1e-12)
+
+
+def test_the_bound_on_the_distance_skips_no_round_pair():
+    # Where all Gaussians are round the bound is the distance itself: any tighter one shows.
+    rng = np.random.default_rng(4)
+    target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
+    pose = Pose.from_step(rng.normal(size=6))
+    s = reference.d2d_squared(
+        pose, target.means, target.covariances, source.means, source.covariances
+    )
+    assert ((s > 20.0) & (s < 25.0)).sum() > 50
+    value = _terms(target, source, pose)[0]
+    np.testing.assert_allclose(value, reference.d2d_value(pose, target, source), rtol=1e-12)
+    assert abs(_terms(target, source, pose, width_factor=0.6)[0] - value) > 1e-6
+
+
+@pytest.mark.parametrize("edge", [16.0, 25.0])
+def test_the_window_is_twice_continuously_differentiable(edge):
+    # Along x a pair of unit covariances has s = x^2 / 2, so its first Hessian entry is the
+    # second derivative of the score. Its slope is bounded, so it changes by little across a
+    # small gap, and by a tenth of that across a tenth of it.
+    def second(s):
+        pose = Pose(np.eye(3), np.array([np.sqrt(2.0 * s), 0.0, 0.0]))
+        terms = _terms(_one([0.0, 0.0, 0.0], 1.0), _one([0.0, 0.0, 0.0], 1.0), pose, sharpness=0.1)
+        return terms[[0, 1, 7]]
+
+    jumps = [np.abs(second(edge + gap) - second(edge - gap)) for gap in (1e-3, 1e-4, 1e-5)]
+    assert (jumps[0] < 1e-2).all()
+    for wide, narrow in pairwise(jumps):
+        assert (narrow <= 0.11 * wide + 1e-15).all()
+    if edge == 25.0:
+        np.testing.assert_array_equal(second(edge + 1e-9), 0.0)
+    else:
+        assert (np.abs(second(edge)) > 1e-3).all()
+
+
+def test_beyond_the_window_everything_is_zero():
+    pose = Pose(np.eye(3), np.array([8.0, 0.0, 0.0]))
+    terms = _terms(_one([0.0, 0.0, 0.0], 1.0), _one([0.0, 0.0, 0.0], 1.0), pose)
+    np.testing.assert_array_equal(terms, np.zeros(49))
+
+
+def test_no_gaussians_give_nothing():
+    rng = np.random.default_rng(6)
+    some, none = gaussians(rng, 5), gaussians(rng, 0)
+    for pair in ((some, none), (none, some), (none, none)):
+        np.testing.assert_array_equal(_terms(*pair, Pose.identity()), np.zeros(49))
+
+
+def test_the_same_bits_every_time():
+    rng = np.random.default_rng(7)
+    target, source = gaussians(rng, 30), gaussians(rng, 30)
+    pose = Pose.from_step(rng.normal(size=6))
+    assert len({_terms(target, source, pose).tobytes() for _ in range(5)}) == 1

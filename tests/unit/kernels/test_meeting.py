@@ -1,0 +1,50 @@
+import numpy as np
+import pytest
+
+from reference.meeting import meet
+from reference.samples import gaussians
+from scanlock.kernels.meeting import meeting_gaussians
+
+
+def _meeting(target, source, limit):
+    return meeting_gaussians(
+        target.means,
+        target.packed_covariances,
+        target.widths,
+        source.means,
+        source.packed_covariances,
+        source.widths,
+        limit,
+    )
+
+
+@pytest.mark.parametrize("limit", [1.0, 9.0, 25.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_meetings_match_the_definition(seed, limit):
+    rng = np.random.default_rng(seed)
+    spread = 4.0 * np.sqrt(limit)
+    target, source = (gaussians(rng, 40, spread=spread, most=3.0) for _ in range(2))
+    met = _meeting(target, source, limit)
+    expected = meet(target.means, target.covariances, source.means, source.covariances, limit)
+    np.testing.assert_array_equal(met, expected)
+    assert len(set(expected)) == 2
+
+
+def test_round_gaussians_meet_up_to_the_limit_itself():
+    # For round Gaussians the bound that skips pairs is exact: nothing below may be skipped.
+    rng = np.random.default_rng(1)
+    target = gaussians(rng, 1, least=1.0, most=1.0)
+    for share, expected in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+        source = gaussians(rng, 1, least=2.0, most=2.0)
+        direction = rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        shift = target.means - source.means + 3.0 * np.sqrt(5.0) * share * direction
+        moved = type(source)(source.means + shift, source.covariances, source.counts)
+        assert _meeting(target, moved, 9.0).tolist() == [expected]
+
+
+def test_nothing_meets_no_target():
+    rng = np.random.default_rng(2)
+    some, none = gaussians(rng, 4), gaussians(rng, 0)
+    assert not _meeting(none, some, 9.0).any()
+    assert _meeting(some, none, 9.0).shape == (0,)
