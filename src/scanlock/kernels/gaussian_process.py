@@ -52,6 +52,7 @@ def insac_sectors(
     ranges: Vector,
     heights: Vector,
     seeds: Mask,
+    caps: Vector,
     lent_heights: Vector,
     lent_noise: Vector,
     length: float,
@@ -64,9 +65,9 @@ def insac_sectors(
 
     Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
     to the mean function). A candidate joins when its variance is below `variance_limit` and its
-    residual over the standard deviation of an observation there below `residual_limit`; mean and
-    variance are brought up to date after each sweep over the candidates. When a sweep accepts
-    none, the innermost range that is still uncertain takes the height lent to it, if any
+    residual below both `residual_limit` standard deviations of an observation there and its own
+    cap; mean and variance are brought up to date after each sweep. When a sweep accepts none,
+    the innermost range that is still uncertain takes the height lent to it, if any
     (`lent_noise` is the variance of that height, NaN for none), and the sweeps go on.
     """
     total = ranges.shape[0]
@@ -103,7 +104,8 @@ def insac_sectors(
                 for j in range(n):
                     if accepted[first + j] or v[j] >= variance_limit:
                         continue
-                    if abs(heights[first + j] - m[j]) < residual_limit * math.sqrt(noise + v[j]):
+                    gate = min(residual_limit * math.sqrt(noise + v[j]), caps[first + j])
+                    if abs(heights[first + j] - m[j]) < gate:
                         joining[count] = j
                         count += 1
             if count > 0:

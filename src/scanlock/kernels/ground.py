@@ -51,6 +51,43 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Lab
 
 
 @kernel
+def count_low_points(
+    points: Points,
+    cells: Labels,
+    lowest: Labels,
+    plane: Vector,
+    near: Vector,
+    reach: float,
+) -> tuple[Labels, Labels]:
+    """Return how many points of each cell lie near its lowest one, and within `reach` of that.
+
+    Heights are those above `plane`, (a, b, c, d); near is ``near[c]`` metres in cell c, and
+    `reach` a multiple of it.
+    """
+    cell_count = lowest.shape[0]
+    close = np.zeros(cell_count, np.int64)
+    within = np.zeros(cell_count, np.int64)
+    floor = np.zeros(cell_count, np.float64)
+    a = plane[0]
+    b = plane[1]
+    c = plane[2]
+    for k in range(cell_count):
+        i = lowest[k]
+        if i >= 0:
+            floor[k] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+    for i in range(points.shape[0]):
+        k = cells[i]
+        if k < 0:
+            continue
+        rise = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - floor[k]
+        if rise < reach * near[k]:
+            within[k] += 1
+            if rise < near[k]:
+                close[k] += 1
+    return close, within
+
+
+@kernel
 def heights_above_knots(
     points: Points,
     cells: Labels,

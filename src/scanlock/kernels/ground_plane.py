@@ -10,26 +10,38 @@ from scanlock.kernels._compile import kernel
 
 @kernel
 def plane_score(
-    points: Points, stride: int, gates: Vector, nx: float, ny: float, nz: float, d: float
+    points: Points,
+    weights: Vector,
+    gates: Vector,
+    stride: int,
+    nx: float,
+    ny: float,
+    nz: float,
+    d: float,
 ) -> float:
     """Return how well the plane ``n . p + d = 0`` serves as the ground of low points.
 
-    A point within its gate counts up to 1, less the farther off it is; one between two and
-    twenty gates below counts -0.5, because ground has little beneath it.
+    A point within its gate counts up to its weight, less the farther off it is; one more than
+    two gates below takes off half its weight, because ground has little beneath it.
     """
     score = 0.0
     for i in range(0, points.shape[0], stride):
         h = (nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2] + d) / gates[i]
         if h * h < 1.0:
-            score += 1.0 - h * h
+            score += weights[i] * (1.0 - h * h)
         elif h < -2.0:
-            score -= 0.5
+            score -= 0.5 * weights[i]
     return score
 
 
 @kernel
 def best_triple_plane(
-    points: Points, gates: Vector, triples: int, stride: int, least_cosine: float
+    points: Points,
+    weights: Vector,
+    gates: Vector,
+    triples: int,
+    stride: int,
+    least_cosine: float,
 ) -> tuple[float, float, float, float, float]:
     """Return (nx, ny, nz, d, score) of the best of `triples` planes through three points.
 
@@ -64,7 +76,7 @@ def best_triple_plane(
         if nz < least_cosine:
             continue
         d = -(nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2])
-        score = plane_score(points, stride, gates, nx, ny, nz, d)
+        score = plane_score(points, weights, gates, stride, nx, ny, nz, d)
         if score > best[4]:
             best = (nx, ny, nz, d, score)
     return best
@@ -72,12 +84,19 @@ def best_triple_plane(
 
 @kernel
 def plane_moments(
-    points: Points, gates: Vector, nx: float, ny: float, nz: float, d: float, reach: float
+    points: Points,
+    weights: Vector,
+    gates: Vector,
+    reach: float,
+    nx: float,
+    ny: float,
+    nz: float,
+    d: float,
 ) -> Vector:
     """Return weighted sums over the points within `reach` gates of a plane.
 
-    (sum w, wx, wy, wz, wxx, wxy, wxz, wyy, wyz, wzz) with w the biweight of the distance in
-    gates; points below the plane weigh as much as those above.
+    (sum w, wx, wy, wz, wxx, wxy, wxz, wyy, wyz, wzz) with w the weight of the point times
+    the biweight of its distance; points below the plane weigh as much as those above.
     """
     sums = np.zeros(10, np.float64)
     for i in range(points.shape[0]):
@@ -87,7 +106,7 @@ def plane_moments(
         h = (nx * x + ny * y + nz * z + d) / (reach * gates[i])
         if h * h >= 1.0:
             continue
-        w = (1.0 - h * h) * (1.0 - h * h) / (gates[i] * gates[i])
+        w = weights[i] * (1.0 - h * h) * (1.0 - h * h) / (gates[i] * gates[i])
         sums[0] += w
         sums[1] += w * x
         sums[2] += w * y

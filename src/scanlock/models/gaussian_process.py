@@ -39,6 +39,7 @@ class GaussianProcess:
         *,
         variance_limit: float,
         residual_limit: float,
+        caps: Vector | None = None,
         lent: tuple[Vector, Vector] | None = None,
     ) -> tuple[Mask, Vector, Vector]:
         """Grow a model of every sector from its seeds (INSAC).
@@ -56,6 +57,8 @@ class GaussianProcess:
         residual_limit : float
             A prototype joins only within this many standard deviations of the model, its own
             noise included.
+        caps : (n,) [m], optional
+            Largest residual with which each prototype may join, whatever the deviation.
         lent : ((n,), (n,)) [m, m^2], optional
             Heights from neighbouring sectors and their variances, NaN for none; taken one by
             one, from the inside out, where the model is still uncertain when growth has ended.
@@ -80,6 +83,7 @@ class GaussianProcess:
             read_only(ranges),
             read_only(heights),
             read_only(seeds),
+            read_only(np.full(len(ranges), np.inf) if caps is None else caps),
             read_only(lent_heights),
             read_only(lent_noise),
             float(self.length_scale),

@@ -18,12 +18,10 @@ from scanlock.errors import InvalidInput, require_count, require_fraction, requi
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground import split_by_height, turned_points
 from scanlock.models.gaussian_process import GaussianProcess
-from scanlock.models.ground_model import (
-    Prototypes,
-    consensus_with_neighbours,
-    heights_above_model,
-)
+from scanlock.models.ground_base import fit_base_surface
+from scanlock.models.ground_model import heights_above_model, modelled_heights
 from scanlock.models.ground_plane import BasePlane, fit_base_plane
+from scanlock.models.ground_prototypes import Prototypes
 from scanlock.models.ground_published import published_heights
 
 _LEAST_PROTOTYPES = 10
@@ -32,6 +30,9 @@ _LEAST_PROTOTYPES = 10
 _LEAST_BREADTH = 0.5
 """Standard deviation [m] that the ground must spread along both its axes (ours): the foot of a
 wall is a line, a step of a stair a narrow strip."""
+
+_FIRM_SUPPORT = 0.2
+"""Share of the lowest points on the base plane from which its tilt is believed (ours)."""
 
 _NO_PLANE = np.array([0.0, 0.0, 1.0, math.nan])
 
@@ -151,8 +152,8 @@ class GroundFinder:
     level_tilt: float = math.radians(5.0)
     """Beyond this angle the cloud is turned upright before its ground is modelled [rad]."""
 
-    min_support: float = 0.2
-    """Share of the prototypes that must lie on the base plane (ours)."""
+    min_support: float = 0.1
+    """Share of the prototypes that must be ground (ours)."""
 
     min_sharpness: float = 0.55
     """Share of the points within three `height_limit` of the ground that must lie within one
@@ -213,7 +214,7 @@ class GroundFinder:
         plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
         # The second turn mends what prototypes taken in a tilted frame got wrong.
         for _ in range(2):
-            if plane is None or plane.tilt <= self.level_tilt:
+            if plane is None or plane.tilt <= self.level_tilt or plane.support < _FIRM_SUPPORT:
                 break
             upright = rotation_onto_z(plane.normal)
             points = turned_points(read_only(points), read_only(upright))
@@ -223,59 +224,65 @@ class GroundFinder:
         if plane is None:
             return _no_ground(cloud, "no plane fits the lowest points")
         up = rotation.T @ plane.normal
-        doubt = self._doubt_about(plane, up, len(prototypes.points))
+        if _tilt(up) > self.max_tilt:
+            return _no_ground(
+                cloud, f"the lowest points lie in a plane {math.degrees(_tilt(up)):.0f} deg off z"
+            )
+        accepted, height = self._model(points, prototypes, plane)
+        is_ground, is_below, near = split_by_height(read_only(height), self.height_limit)
+        doubt = self._doubt_about(prototypes.points[accepted], len(accepted)) or self._blur(
+            int(is_ground.sum()), near
+        )
         if doubt:
             return _no_ground(cloud, doubt)
-        height, sectors = self._heights(points, prototypes, plane)
-        is_ground, is_below, near = split_by_height(read_only(height), self.height_limit)
-        sharpness = float(is_ground.sum()) / max(near, 1)
-        if sharpness < self.min_sharpness:
-            return _no_ground(
-                cloud,
-                f"only {sharpness:.0%} of the points near the modelled ground lie on it; "
-                "it is no surface",
-            )
         tilted = _tilt(up) > self.level_tilt
         return Ground(
             is_ground=is_ground,
             is_below=is_below,
             height=height,
             status=GroundStatus.TILTED if tilted else GroundStatus.FOUND,
-            reason=f"{plane.support:.0%} of the lowest points lie on the base plane"
+            reason=f"{accepted.mean():.0%} of the lowest points of all cells are ground"
             + (f", {math.degrees(_tilt(up)):.0f} degrees off the z axis" if tilted else ""),
             plane=np.append(up, plane.offset),
             sensor_height=math.nan if cloud.origin.any() else plane.offset,
-            sectors=sectors,
+            sectors=prototypes.sectors_of(accepted),
         )
 
-    def _doubt_about(self, plane: BasePlane, up: Vector, prototypes: int) -> str:
-        """Return why a base plane is no ground; empty if nothing speaks against it."""
-        if _tilt(up) > self.max_tilt:
-            return f"the plane of the lowest points is tilted by {math.degrees(_tilt(up)):.0f} deg"
-        if plane.support < self.min_support:
-            return f"only {plane.support:.0%} of the lowest points lie on a common plane"
-        if plane.support * prototypes < _LEAST_PROTOTYPES:
-            return f"only {plane.support * prototypes:.0f} low points lie on a common plane"
-        if plane.breadth < _LEAST_BREADTH:
-            return f"the lowest points lie along a line, {plane.breadth:.2f} m wide"
+    def _doubt_about(self, ground: Points, prototypes: int) -> str:
+        """Return why so many ground prototypes are no ground; empty if they may be one."""
+        share = len(ground) / max(prototypes, 1)
+        if len(ground) < _LEAST_PROTOTYPES or share < self.min_support:
+            return f"only {len(ground)} of the {prototypes} lowest points lie on a common surface"
+        breadth = math.sqrt(max(np.linalg.eigvalsh(np.cov(ground[:, :2].T))[0], 0.0))
+        if breadth < _LEAST_BREADTH:
+            return f"the lowest points lie along a line, {breadth:.2f} m wide"
         return ""
 
-    def _heights(
+    def _blur(self, on_ground: int, near: int) -> str:
+        """Return why the points near the ground are no surface; empty if they are one."""
+        sharpness = on_ground / max(near, 1)
+        if sharpness >= self.min_sharpness:
+            return ""
+        return (
+            f"only {sharpness:.0%} of the points near the modelled ground lie on it; "
+            "it is no surface"
+        )
+
+    def _model(
         self, points: Points, prototypes: Prototypes, plane: BasePlane
-    ) -> tuple[Vector, int]:
-        """Return the heights above the corrected model and the number of sectors of its own."""
-        above_plane = plane.heights(prototypes.points)
-        seeds = (np.abs(above_plane) < self.seed_height) & (prototypes.ranges < self.seed_range)
-        accepted, modelled = consensus_with_neighbours(
+    ) -> tuple[Mask, Vector]:
+        """Return which prototypes are ground, and the heights of all points above the model."""
+        accepted, modelled = modelled_heights(
             prototypes,
+            plane,
+            fit_base_surface(points, prototypes, plane, self.grid),
             self.process,
-            above_plane,
-            seeds,
+            seed_height=self.seed_height,
+            seed_range=self.seed_range,
             variance_limit=self.variance_limit,
             residual_limit=self.residual_limit,
         )
-        height = heights_above_model(points, prototypes, plane, modelled)
-        return height, prototypes.sectors_of(accepted)
+        return accepted, heights_above_model(points, prototypes, plane, modelled)
 
     def _find_published(self, cloud: PointCloud) -> Ground:
         prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)

@@ -1,15 +1,14 @@
-"""The height of the ground along every sector: prototypes, consensus, lending, knots."""
-
-from dataclasses import dataclass
+"""The height of the ground along every sector: consensus, lending, and knots to read it off."""
 
 import numpy as np
 
-from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
-from scanlock.clouds.polar_grid import PolarGrid
+from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.kernels.gaussian_process import lend_heights
-from scanlock.kernels.ground import heights_above_knots, lowest_in_cells
+from scanlock.kernels.ground import heights_above_knots
 from scanlock.models.gaussian_process import GaussianProcess
+from scanlock.models.ground_base import BaseSurface
 from scanlock.models.ground_plane import BasePlane
+from scanlock.models.ground_prototypes import Prototypes
 
 _LENDING_ROUNDS = 2
 """How often sectors without a model of their own take one from their neighbours (ours)."""
@@ -23,79 +22,39 @@ _LENDING_GAP = 1.0
 _SIDE_SLOPE = 0.05
 """Standard deviation of the slope of the ground, less the base plane, across sectors (ours)."""
 
+_BLUNT_LIMIT = 0.15
+"""Largest residual of the lowest point of a wall or a bush with which it still is ground [m]
+(ours)."""
+
 _LEAST_STEP = 1e-3
 """Prototypes closer than this in range [m] give no slope between them."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prototypes:
-    """The lowest point of each occupied cell, sector by sector and outwards.
-
-    Attributes
-    ----------
-    points : (n, 3) [m]
-    ranges : (n,) [m]
-        Horizontal distances from the origin.
-    cells : (n,)
-        The cell of each prototype, ascending.
-    starts : (sectors + 1,)
-        Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
-    cell_of_point : (m,)
-        The cell of every point of the cloud, -1 outside the grid.
-    cell_count : int
-        Cells of the grid, sectors times bins.
-    """
-
-    points: Points
-    ranges: Vector
-    cells: Labels
-    starts: Labels
-    cell_of_point: Labels
-    cell_count: int
-
-    def __post_init__(self) -> None:
-        for array in (self.points, self.ranges, self.cells, self.starts, self.cell_of_point):
-            frozen(array)
-
-    @classmethod
-    def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
-        """Return the prototypes of the cells with at least `min_points` points."""
-        cell_of_point = grid.cells(points)
-        bins = grid.bins
-        cell_count = int(grid.sectors) * bins
-        lowest, count = lowest_in_cells(read_only(points), cell_of_point, cell_count)
-        cells = np.flatnonzero(count >= min_points)
-        low = points[lowest[cells]]
-        return cls(
-            points=low,
-            ranges=np.hypot(low[:, 0], low[:, 1]),
-            cells=cells,
-            starts=np.searchsorted(cells, np.arange(grid.sectors + 1) * bins),
-            cell_of_point=cell_of_point,
-            cell_count=cell_count,
-        )
-
-    def sectors_of(self, chosen: Mask) -> int:
-        """Return how many sectors hold a chosen prototype."""
-        sectors = np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
-        return len(np.unique(sectors[chosen]))
-
-
-def consensus_with_neighbours(
+def modelled_heights(
     prototypes: Prototypes,
+    plane: BasePlane,
+    base: BaseSurface,
     process: GaussianProcess,
-    heights: Vector,
-    seeds: Mask,
     *,
+    seed_height: float,
+    seed_range: float,
     variance_limit: float,
     residual_limit: float,
 ) -> tuple[Mask, Vector]:
-    """Return which prototypes are ground, and the modelled height at each; NaN where uncertain.
+    """Return which prototypes are ground, and the modelled height above the plane at each [m].
 
-    Sectors grow alone first. Where one stays uncertain, behind a car or under dense leaves, the
-    nearest certain sectors to its sides lend their heights, with a variance that grows with the
-    distance across, and it grows again.
+    NaN where the model is uncertain. Sectors grow alone first, from the seeds near the base
+    surface. Where one stays uncertain, behind a car or under dense leaves, the nearest certain
+    sectors to its sides lend their heights, with a variance that grows with the distance
+    across, and it grows again.
     """
+    known = np.isfinite(base.height)
+    heights = plane.heights(prototypes.points) - base.height
+    firm = base.sharp & base.on_envelope
+    caps = np.where(base.sharp, np.inf, _BLUNT_LIMIT)
+    with np.errstate(invalid="ignore"):
+        seeds = (np.abs(heights) < seed_height) & (prototypes.ranges < seed_range)
+        seeds &= firm | (base.on_envelope & (np.abs(heights) < _BLUNT_LIMIT))
 
     def grow(lent: tuple[Vector, Vector] | None) -> tuple[Mask, Vector, Vector]:
         return process.consensus(
@@ -105,6 +64,7 @@ def consensus_with_neighbours(
             seeds,
             variance_limit=variance_limit,
             residual_limit=residual_limit,
+            caps=caps,
             lent=lent,
         )
 
@@ -127,8 +87,8 @@ def consensus_with_neighbours(
         lent_height = np.where(taken, offered, lent_height)
         lent_variance = np.where(taken, worth, lent_variance)
         accepted, mean, variance = grow((lent_height, lent_variance))
-    mean[variance >= variance_limit] = np.nan
-    return accepted, mean
+    mean[(variance >= variance_limit) | ~known] = np.nan
+    return accepted, mean + base.height
 
 
 def heights_above_model(
@@ -142,7 +102,7 @@ def heights_above_model(
         slopes = np.diff(modelled) / np.maximum(np.diff(prototypes.ranges), _LEAST_STEP)
     slopes[prototypes.starts[1:-1][_inner(prototypes)] - 1] = np.nan
     slopes = np.nan_to_num(np.concatenate([[0.0], slopes, [0.0]]))
-    knots = np.full((4, prototypes.cell_count), np.nan)
+    knots = np.full((4, len(prototypes.lowest)), np.nan)
     knots[:, prototypes.cells] = prototypes.ranges, modelled, slopes[:-1], slopes[1:]
     frozen(knots)
     return heights_above_knots(

@@ -20,6 +20,10 @@ _GATE, _GATE_SLOPE = 0.2, 0.02
 """A low point is near a plane within ``_GATE`` [m] plus ``_GATE_SLOPE`` times its range (ours):
 natural ground leaves its tangent plane with distance."""
 
+_NEAR = 10.0
+"""A low point weighs in inverse proportion to its range plus this [m] (ours): the ground that
+matters is the one under the sensor."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BasePlane:
@@ -32,7 +36,7 @@ class BasePlane:
     offset : float [m]
         Height of the origin above the plane.
     support : float
-        Score of the plane over the number of low points: 1 when all lie on it.
+        Weighted share of the low points on the plane, less half that of those beneath it.
     breadth : float [m]
         Standard deviation of its points in the direction along which they spread less.
     """
@@ -73,15 +77,18 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     if n < 3:
         return None
     low = read_only(low_points)
-    gates = read_only(_GATE + _GATE_SLOPE * np.hypot(low[:, 0], low[:, 1]))
+    ranges = np.hypot(low[:, 0], low[:, 1])
+    gates = read_only(_GATE + _GATE_SLOPE * ranges)
+    weights = 1.0 / (_NEAR + ranges)
+    weights = read_only(weights / weights.sum())
     nx, ny, nz, d, score = best_triple_plane(
-        low, gates, _TRIPLES, max(1, n // _SCORED), float(np.cos(max_tilt))
+        low, weights, gates, _TRIPLES, max(1, n // _SCORED), float(np.cos(max_tilt))
     )
     if score <= 0.0:
         return None
     normal, breadth = np.array([nx, ny, nz]), 0.0
     for reach in _REACHES:
-        sums = plane_moments(low, gates, normal[0], normal[1], normal[2], d, reach)
+        sums = plane_moments(low, weights, gates, reach, normal[0], normal[1], normal[2], d)
         if sums[0] <= 0.0:
             return None
         mean = sums[1:4] / sums[0]
@@ -91,5 +98,5 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
         normal = axes[:, 0] if axes[2, 0] >= 0.0 else -axes[:, 0]
         d = -float(normal @ mean)
         breadth = float(np.sqrt(max(spread[1], 0.0)))
-    score = plane_score(low, 1, gates, normal[0], normal[1], normal[2], d)
-    return BasePlane(normal, d, max(score, 0.0) / n, breadth)
+    score = plane_score(low, weights, gates, 1, normal[0], normal[1], normal[2], d)
+    return BasePlane(normal, d, max(score, 0.0), breadth)

@@ -5,7 +5,7 @@ import numpy as np
 from scanlock.arrays import Mask, Points, Vector, read_only
 from scanlock.kernels.ground import heights_above_knots
 from scanlock.models.gaussian_process import GaussianProcess
-from scanlock.models.ground_model import Prototypes
+from scanlock.models.ground_prototypes import Prototypes
 
 _UPWARDS = np.array([0.0, 0.0, 1.0, 0.0])
 
@@ -49,9 +49,9 @@ def published_heights(
 
 
 def _above(points: Points, prototypes: Prototypes, accepted: Mask) -> Vector:
-    level = np.full(prototypes.cell_count, np.nan)
+    level = np.full(len(prototypes.lowest), np.nan)
     level[prototypes.cells[accepted]] = prototypes.points[accepted, 2]
-    flat = read_only(np.zeros(prototypes.cell_count))
+    flat = read_only(np.zeros(len(prototypes.lowest)))
     return heights_above_knots(
         read_only(points),
         prototypes.cell_of_point,

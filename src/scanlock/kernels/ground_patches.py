@@ -1,0 +1,342 @@
+"""The coarse ground: patches of low points that continue one another as planes.
+
+A patch is a row (h, gx, gy, x, y, radius): its plane has the height h at the patch's centre
+(x, y) and the gradient (gx, gy); `radius` is how far the points reach that it was fitted to.
+"""
+
+import math
+
+import numpy as np
+
+from scanlock.arrays import Labels, Mask, Matrix, Vector
+from scanlock.kernels._compile import kernel
+
+
+@kernel
+def lower_envelope(
+    x: Vector, y: Vector, z: Vector, cells: Labels, sectors: int, bins: int, steepest: float
+) -> Vector:
+    """Return at each low point the height of the lowest cone over all low points.
+
+    A cone rises from each low point with the slope `steepest`; ground that is nowhere steeper
+    lies on the envelope of the cones, and what stands on visible ground lies above it. The low
+    points lie one to a polar cell; each passes the foot of its lowest cone on to the next
+    occupied cell, outwards, inwards and around both ways, twice.
+    """
+    n = x.shape[0]
+    point_of_cell = np.full(sectors * bins, -1, np.int64)
+    foot = np.arange(n)
+    envelope = z.copy()
+    for i in range(n):
+        point_of_cell[cells[i]] = i
+    for sweep in range(8):
+        along = sweep % 4 < 2
+        lanes = sectors if along else bins
+        # Around a ring one lap and a half, so that the seam is no border.
+        steps = bins if along else sectors + sectors // 2
+        for lane in range(lanes):
+            last = -1
+            for k in range(steps):
+                step = k if sweep % 2 == 0 else steps - 1 - k
+                cell = lane * bins + step if along else (step % sectors) * bins + lane
+                i = point_of_cell[cell]
+                if i < 0:
+                    continue
+                if last >= 0:
+                    f = foot[last]
+                    height = z[f] + steepest * math.hypot(x[i] - x[f], y[i] - y[f])
+                    if height < envelope[i]:
+                        envelope[i] = height
+                        foot[i] = f
+                last = i
+    return envelope
+
+
+@kernel
+def fit_patch(
+    members: Labels,
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    gates: Vector,
+    gate: float,
+    prior: Vector,
+    prior_weight: float,
+    slope_weight: float,
+    fitted: Vector,
+) -> tuple[int, int, float]:
+    """Fit the plane of a patch to the low points near it; return (points, as predicted, rms).
+
+    `prior` is the predicted patch: its height counts as `prior_weight` points and its gradient
+    as `slope_weight` square metres of them. `gates` are how far from the prediction each member
+    may lie at first; the last of three rounds takes those within `gate`. The second number is
+    how many of these lie within `gate` of the prediction too. The plane and its radius are
+    written to `fitted`.
+    """
+    cx = prior[3]
+    cy = prior[4]
+    h = prior[0]
+    gx = prior[1]
+    gy = prior[2]
+    for attempt in range(3):
+        widening = 1.0 - 0.5 * attempt
+        a00 = prior_weight
+        a01 = a02 = a12 = 0.0
+        a11 = a22 = slope_weight
+        r0 = prior_weight * prior[0]
+        r1 = slope_weight * prior[1]
+        r2 = slope_weight * prior[2]
+        for m in range(members.shape[0]):
+            i = members[m]
+            dx = x[i] - cx
+            dy = y[i] - cy
+            if abs(z[i] - h - gx * dx - gy * dy) >= gate + widening * (gates[i] - gate):
+                continue
+            a00 += 1.0
+            a01 += dx
+            a02 += dy
+            a11 += dx * dx
+            a12 += dx * dy
+            a22 += dy * dy
+            r0 += z[i]
+            r1 += dx * z[i]
+            r2 += dy * z[i]
+        c00 = a11 * a22 - a12 * a12
+        c01 = a02 * a12 - a01 * a22
+        c02 = a01 * a12 - a02 * a11
+        c11 = a00 * a22 - a02 * a02
+        c12 = a01 * a02 - a00 * a12
+        c22 = a00 * a11 - a01 * a01
+        determinant = a00 * c00 + a01 * c01 + a02 * c02
+        h = (c00 * r0 + c01 * r1 + c02 * r2) / determinant
+        gx = (c01 * r0 + c11 * r1 + c12 * r2) / determinant
+        gy = (c02 * r0 + c12 * r1 + c22 * r2) / determinant
+    count = 0
+    predicted = 0
+    squares = 0.0
+    spread = 0.0
+    for m in range(members.shape[0]):
+        i = members[m]
+        dx = x[i] - cx
+        dy = y[i] - cy
+        gap = z[i] - h - gx * dx - gy * dy
+        if abs(gap) < gate:
+            count += 1
+            squares += gap * gap
+            spread += dx * dx + dy * dy
+            if abs(z[i] - prior[0] - prior[1] * dx - prior[2] * dy) < gate:
+                predicted += 1
+    if count == 0:
+        return 0, 0, 0.0
+    fitted[0] = h
+    fitted[1] = gx
+    fitted[2] = gy
+    # The points of a disc spread to sqrt(2) times their mean radius.
+    fitted[5] = math.sqrt(2.0 * spread / count)
+    return count, predicted, math.sqrt(squares / count)
+
+
+@kernel
+def predict_patch(
+    p: int, patches: Matrix, accepted: Mask, patch_sectors: int, rings: int, prior: Vector
+) -> bool:
+    """Predict the plane of a patch from the accepted ones around it; False if there are none.
+
+    Those of the next sectors and of two rings inwards and outwards count, in inverse proportion
+    to their squared distances. The prediction is written to `prior`, at the patch's centre.
+    """
+    x = patches[p, 3]
+    y = patches[p, 4]
+    weights = h = gx = gy = 0.0
+    for across in range(-1, 2):
+        for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
+            q = ((p // rings + across) % patch_sectors) * rings + ring
+            if not accepted[q]:
+                continue
+            dx = x - patches[q, 3]
+            dy = y - patches[q, 4]
+            weight = 1.0 / (0.01 + dx * dx + dy * dy)
+            weights += weight
+            h += weight * (patches[q, 0] + patches[q, 1] * dx + patches[q, 2] * dy)
+            gx += weight * patches[q, 1]
+            gy += weight * patches[q, 2]
+    if weights == 0.0:
+        return False
+    prior[0] = h / weights
+    prior[1] = gx / weights
+    prior[2] = gy / weights
+    prior[3] = x
+    prior[4] = y
+    return True
+
+
+@kernel
+def widen_gates(
+    p: int,
+    members: Labels,
+    x: Vector,
+    y: Vector,
+    patches: Matrix,
+    accepted: Mask,
+    patch_sectors: int,
+    rings: int,
+    gate: float,
+    gate_slope: float,
+    gates: Vector,
+) -> None:
+    """Set how far each member may lie from a prediction: more, the farther from known ground."""
+    for m in range(members.shape[0]):
+        i = members[m]
+        nearest = math.inf
+        for across in range(-1, 2):
+            for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
+                q = ((p // rings + across) % patch_sectors) * rings + ring
+                if accepted[q]:
+                    away = math.hypot(x[i] - patches[q, 3], y[i] - patches[q, 4]) - patches[q, 5]
+                    nearest = min(nearest, away)
+        gates[i] = gate + gate_slope * max(nearest, 0.0)
+
+
+@kernel
+def inner_height(
+    p: int, patches: Matrix, accepted: Mask, patch_sectors: int, rings: int
+) -> tuple[float, float]:
+    """Return the height of the next accepted patch inwards and its distance; NaN for none."""
+    for ring in range(p % rings - 1, -1, -1):
+        for across in (0, -1, 1):
+            q = ((p // rings + across) % patch_sectors) * rings + ring
+            if accepted[q]:
+                dx = patches[p, 3] - patches[q, 3]
+                dy = patches[p, 4] - patches[q, 4]
+                return patches[q, 0], math.hypot(dx, dy)
+    return math.nan, math.nan
+
+
+@kernel
+def grow_patches(
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    members: Labels,
+    first: Labels,
+    occupied: Labels,
+    start: Mask,
+    patch_sectors: int,
+    rings: int,
+    gate: float,
+    gate_slope: float,
+    prior_weight: float,
+    slope_weight: float,
+    roughness: float,
+) -> tuple[Matrix, Mask]:
+    """Grow the coarse ground from the patches in `start`; return (patches, accepted).
+
+    Patch p has the low points ``members[first[p]:first[p + 1]]``, of `occupied[p]` cells in all.
+    It joins when at least half of its low points and two of them lie within `gate` of a plane
+    near the one its neighbours predict, rough to `roughness` at most. To leave the prediction
+    it needs more: six points, in six tenths of its cells. When growth ends, flat patches that
+    lie lower than the next ground inwards join, and growth goes on: beyond an edge the ground
+    may go on at a lower level, and nothing lies beneath it.
+    """
+    patch_count = first.shape[0] - 1
+    patches = np.zeros((patch_count, 6), np.float64)
+    for p in range(patch_count):
+        n = first[p + 1] - first[p]
+        for m in range(first[p], first[p + 1]):
+            patches[p, 3] += x[members[m]] / n
+            patches[p, 4] += y[members[m]] / n
+    accepted = np.zeros(patch_count, np.bool_)
+    joining = np.zeros(patch_count, np.bool_)
+    gates = np.full(x.shape[0], gate, np.float64)
+    prior = np.zeros(6, np.float64)
+    fitted = np.zeros(6, np.float64)
+    sweep = 0
+    sinking = False
+    while True:
+        joined = 0
+        for p in range(patch_count):
+            own = members[first[p] : first[p + 1]]
+            n = own.shape[0]
+            if accepted[p] or n < 2:
+                continue
+            weight = prior_weight
+            if sweep == 0:
+                if not start[p]:
+                    continue
+                prior[:3] = 0.0
+                prior[3:5] = patches[p, 3:5]
+            elif sinking:
+                level, away = inner_height(p, patches, accepted, patch_sectors, rings)
+                prior[:3] = 0.0
+                prior[3:5] = patches[p, 3:5]
+                for m in range(n):
+                    prior[0] += z[own[m]] / n
+                    gates[own[m]] = 1e9
+                drop = level - prior[0]
+                if n < 6 or not (drop > gate and drop < away):
+                    continue
+                weight = 1e-3
+            elif predict_patch(p, patches, accepted, patch_sectors, rings, prior):
+                widen_gates(
+                    p, own, x, y, patches, accepted, patch_sectors, rings, gate, gate_slope, gates
+                )
+            else:
+                continue
+            count, predicted, rms = fit_patch(
+                own, x, y, z, gates, gate, prior, weight, slope_weight, fitted
+            )
+            if count < 2 or 2 * count < n or rms > roughness:
+                continue
+            if 2 * predicted < count and (count < 6 or count < 0.6 * occupied[p]):
+                continue
+            patches[p, :3] = fitted[:3]
+            patches[p, 5] = fitted[5]
+            joining[p] = True
+            joined += 1
+        for p in range(patch_count):
+            accepted[p] |= joining[p]
+        if joined == 0 and sinking:
+            return patches, accepted
+        # Lower levels are looked for each time growth along the ground has ended.
+        sinking = joined == 0 and sweep > 0
+        sweep += 1
+
+
+@kernel
+def heights_of_patches(
+    x: Vector,
+    y: Vector,
+    patch: Labels,
+    patches: Matrix,
+    accepted: Mask,
+    patch_sectors: int,
+    rings: int,
+) -> Vector:
+    """Return the height of the coarse ground at each low point; NaN away from all of it.
+
+    The planes of the point's own patch and of the eight around it are blended by the inverse
+    fourth power of the distance to their centres, its own counting four times.
+    """
+    n = x.shape[0]
+    height = np.full(n, math.nan, np.float64)
+    for i in range(n):
+        own_sector = patch[i] // rings
+        own_ring = patch[i] % rings
+        weights = 0.0
+        weighted = 0.0
+        for across in range(-1, 2):
+            for ring in range(max(own_ring - 1, 0), min(own_ring + 2, rings)):
+                q = ((own_sector + across) % patch_sectors) * rings + ring
+                if not accepted[q]:
+                    continue
+                dx = x[i] - patches[q, 3]
+                dy = y[i] - patches[q, 4]
+                closeness = 1.0 / (0.1 + dx * dx + dy * dy)
+                weight = closeness * closeness
+                if q == patch[i]:
+                    weight *= 4.0
+                weights += weight
+                weighted += weight * (patches[q, 0] + patches[q, 1] * dx + patches[q, 2] * dy)
+        if weights > 0.0:
+            height[i] = weighted / weights
+    return height

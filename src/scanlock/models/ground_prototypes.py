@@ -1,0 +1,69 @@
+"""The lowest point of each polar cell: what all ground models of a scan start from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
+from scanlock.clouds.polar_grid import PolarGrid
+from scanlock.kernels.ground import lowest_in_cells
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prototypes:
+    """The lowest point of each occupied cell, sector by sector and outwards.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    ranges : (n,) [m]
+        Horizontal distances from the origin.
+    cells : (n,)
+        The cell of each prototype, ascending.
+    starts : (sectors + 1,)
+        Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
+    cell_of_point : (m,)
+        The cell of every point of the cloud, -1 outside the grid.
+    lowest : (sectors * bins,)
+        The row of the lowest point of every cell, -1 for none.
+    bins : int
+        Range bins of the grid.
+    """
+
+    points: Points
+    ranges: Vector
+    cells: Labels
+    starts: Labels
+    cell_of_point: Labels
+    lowest: Labels
+    bins: int
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.ranges, self.cells, self.starts):
+            frozen(array)
+        for array in (self.cell_of_point, self.lowest):
+            frozen(array)
+
+    @classmethod
+    def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
+        """Return the prototypes of the cells with at least `min_points` points."""
+        cell_of_point = grid.cells(points)
+        bins = grid.bins
+        cell_count = int(grid.sectors) * bins
+        lowest, count = lowest_in_cells(read_only(points), cell_of_point, cell_count)
+        cells = np.flatnonzero(count >= min_points)
+        low = points[lowest[cells]]
+        return cls(
+            points=low,
+            ranges=np.hypot(low[:, 0], low[:, 1]),
+            cells=cells,
+            starts=np.searchsorted(cells, np.arange(grid.sectors + 1) * bins),
+            cell_of_point=cell_of_point,
+            lowest=lowest,
+            bins=bins,
+        )
+
+    def sectors_of(self, chosen: Mask) -> int:
+        """Return how many sectors hold a chosen prototype."""
+        sectors = np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
+        return len(np.unique(sectors[chosen]))
