@@ -33,13 +33,13 @@ def yaw_pose(angle, translation):
     return Pose.from_step(np.array([*translation, 0.0, 0.0, angle]))
 
 
-def street(seed, count=6000):
+def street(seed, count=6000, layout=42):
     """A scan from the middle of a world of boxes, poles and flat ground, sampled anew by seed.
 
     No sensor pattern and no shadows: each surface is sampled evenly, with noise of 2 cm, so
-    that two seeds are two looks at one world from one place.
+    that two seeds are two looks at one world from one place; another layout is another world.
     """
-    layout = np.random.default_rng(42)
+    layout = np.random.default_rng(layout)
     rng = np.random.default_rng(seed)
     spots = layout.uniform(-30.0, 30.0, (60, 2))
     spots = spots[np.hypot(*spots.T) > 6.0]

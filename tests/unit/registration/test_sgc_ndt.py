@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from reference.samples import street, yaw_pose
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
+from scanlock.registration.register import register
+from scanlock.registration.sgc_ndt import SgcNdt
+
+
+@pytest.mark.parametrize("score", ["d2d", "p2d"])
+def test_the_single_scale_of_the_paper_works_from_near_and_not_from_far(score):
+    paper = SgcNdt(score=score, schedule=CoarseToFine(scales=PAPER_SCALES))
+    target = street(1)
+    near, far = yaw_pose(0.01, (0.3, 0.0, 0.0)), yaw_pose(2.5, (8.0, 0.0, 0.0))
+    for motion, expected in ((near, True), (far, False)):
+        result = register(motion.inverse().apply(street(2)), target, method=paper)
+        right = result.target_from_source.is_close(motion, translation=0.15, rotation=0.01)
+        assert (right, result.ok) == (expected, expected)
+
+
+def test_points_of_p2d_are_thinned_by_the_spacing():
+    motion = yaw_pose(0.1, (1.0, 0.0, 0.0))
+    source, target = motion.inverse().apply(street(2)), street(1)
+    for spacing in (0.25, 2.0):
+        method = SgcNdt(score="p2d", spacing=spacing, spacing_share=0.0)
+        result = register(source, target, method=method)
+        assert result.target_from_source.is_close(motion, translation=0.2, rotation=0.01)
+        assert result.method == "SgcNdt"
+
+
+def test_a_scan_is_prepared_without_knowing_its_role():
+    method = SgcNdt()
+    marks = method.prepare(PointCloud.from_array(street(1)))
+    assert len(marks.gaussians) == len(method.schedule.scales)
+    solution = method.align(marks, marks, Pose.identity())
+    assert solution.pose == Pose.identity()
+    np.testing.assert_allclose(solution.quadratic.gradient, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"spacing": 0.0}, "spacing must be positive, got 0.0 m"),
+        ({"spacing_share": 1.5}, "spacing_share must lie between 0 and 1, got 1.5"),
+        pytest.param(
+            {"score": "d2p"},
+            "score must be",
+            marks=pytest.mark.xfail(strict=True, reason="any unknown score is taken as d2d"),
+        ),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(settings, message):
+    with pytest.raises(InvalidInput, match=message):
+        SgcNdt(**settings)
