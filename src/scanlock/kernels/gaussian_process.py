@@ -9,6 +9,26 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
+def decay(x: float) -> float:
+    """Return ``exp(-x)`` for x >= 0 to 1e-12, in arithmetic that loops can vectorise.
+
+    The Taylor series of ``exp(-x / 1024)``, squared ten times; math.exp is a call.
+    """
+    y = min(x, 60.0) * -0.0009765625
+    e = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0)))))
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e * e
+
+
+@kernel
 def assimilate(
     r: Vector,
     k: int,
@@ -30,11 +50,12 @@ def assimilate(
     n = r.shape[0]
     deviation = math.sqrt(variance[k] + noise)
     innovation = (height - mean[k]) / deviation
-    scale = -0.5 / (length * length)
+    scale = 0.5 / (length * length)
     row = factor[used * n : (used + 1) * n]
+    centre = r[k]
     for j in range(n):
-        gap = r[j] - r[k]
-        row[j] = signal * math.exp(scale * gap * gap)
+        gap = r[j] - centre
+        row[j] = signal * decay(scale * gap * gap)
     for m in range(used):
         earlier = factor[m * n : (m + 1) * n]
         pivot = earlier[k]
@@ -47,9 +68,8 @@ def assimilate(
 
 
 @kernel
-def insac_sectors(
-    starts: Labels,
-    ranges: Vector,
+def grow_sector(
+    r: Vector,
     heights: Vector,
     seeds: Mask,
     caps: Vector,
@@ -60,69 +80,56 @@ def insac_sectors(
     noise: float,
     variance_limit: float,
     residual_limit: float,
-) -> tuple[Mask, Vector, Vector]:
-    """Grow the ground model of each sector from its seeds; return (accepted, mean, variance).
+    accepted: Mask,
+    mean: Vector,
+    variance: Vector,
+    factor: Vector,
+    joining: Labels,
+) -> None:
+    """Grow the ground model of one sector from its seeds; see `grow_sectors`.
 
-    Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
-    to the mean function). A candidate joins when its variance is below `variance_limit` and its
-    residual below both `residual_limit` standard deviations of an observation there and its own
-    cap; mean and variance are brought up to date after each sweep. When a sweep accepts none,
-    the innermost range that is still uncertain takes the height lent to it, if any
-    (`lent_noise` is the variance of that height, NaN for none), and the sweeps go on.
+    Writes `accepted`, `mean` and `variance`; `factor` and `joining` are scratch.
     """
-    total = ranges.shape[0]
-    accepted = np.zeros(total, np.bool_)
-    mean = np.zeros(total, np.float64)
-    variance = np.full(total, signal, np.float64)
-    largest = 0
-    for s in range(starts.shape[0] - 1):
-        largest = max(largest, starts[s + 1] - starts[s])
-    factor = np.empty(2 * largest * largest, np.float64)
-    joining = np.empty(largest, np.int64)
-    for s in range(starts.shape[0] - 1):
-        first = starts[s]
-        n = starts[s + 1] - first
-        r = ranges[first : first + n]
-        m = mean[first : first + n]
-        v = variance[first : first + n]
-        used = 0
-        count = 0
-        borrower = 0
-        for j in range(n):
-            if seeds[first + j]:
-                joining[count] = j
-                count += 1
-        while True:
-            for c in range(count):
-                j = joining[c]
-                accepted[first + j] = True
-                height = float(heights[first + j])
-                assimilate(r, j, height, noise, length, signal, m, v, factor, used)
-                used += 1
-            count = 0
-            if used > 0:
-                for j in range(n):
-                    if accepted[first + j] or v[j] >= variance_limit:
-                        continue
-                    gate = min(residual_limit * math.sqrt(noise + v[j]), caps[first + j])
-                    if abs(heights[first + j] - m[j]) < gate:
-                        joining[count] = j
-                        count += 1
-            if count > 0:
-                continue
-            while borrower < n and (
-                v[borrower] < variance_limit or not lent_noise[first + borrower] >= 0.0
-            ):
-                borrower += 1
-            if borrower == n:
-                break
-            j = borrower
-            lent = float(lent_heights[first + j])
-            doubt = float(lent_noise[first + j])
-            assimilate(r, j, lent, doubt, length, signal, m, v, factor, used)
+    n = r.shape[0]
+    accepted[:] = False
+    mean[:] = 0.0
+    variance[:] = signal
+    used = 0
+    borrower = 0
+    count = 0
+    for j in range(n):
+        if seeds[j]:
+            joining[count] = j
+            count += 1
+    while True:
+        for c in range(count):
+            j = joining[c]
+            accepted[j] = True
+            seen = float(heights[j])
+            assimilate(r, j, seen, noise, length, signal, mean, variance, factor, used)
             used += 1
+        count = 0
+        if used > 0:
+            for j in range(n):
+                if accepted[j] or variance[j] >= variance_limit:
+                    continue
+                gate = min(residual_limit * math.sqrt(noise + variance[j]), caps[j])
+                if abs(heights[j] - mean[j]) < gate:
+                    joining[count] = j
+                    count += 1
+        if count > 0:
+            continue
+        while borrower < n and (
+            variance[borrower] < variance_limit or not lent_noise[borrower] >= 0.0
+        ):
             borrower += 1
-    return accepted, mean, variance
+        if borrower == n:
+            return
+        seen = float(lent_heights[borrower])
+        doubt = float(lent_noise[borrower])
+        assimilate(r, borrower, seen, doubt, length, signal, mean, variance, factor, used)
+        used += 1
+        borrower += 1
 
 
 @kernel
@@ -135,19 +142,20 @@ def lend_heights(
     reach: int,
     slope: float,
     gap: float,
-) -> tuple[Vector, Vector]:
-    """Return the (height, variance) that neighbouring sectors lend to uncertain prototypes.
+    lent_heights: Vector,
+    lent_noise: Vector,
+    changed: Mask,
+) -> None:
+    """Write what neighbouring sectors lend to uncertain prototypes, and who got something.
 
     On either side the nearest of `reach` sectors with a certain model within `gap` of the range
     lends; `slope` is the standard deviation of the ground's slope across sectors, so a height
-    lent over the arc a is worth ``slope**2 a**2`` less. Two lenders are averaged by their
-    variances. NaN where nobody lends or nothing is needed.
+    lent over the distance a is worth ``slope**2 a**2`` less. Two lenders are averaged by their
+    variances.
     """
-    total = ranges.shape[0]
     sectors = starts.shape[0] - 1
-    height = np.full(total, math.nan, np.float64)
-    noise = np.full(total, math.nan, np.float64)
     for s in range(sectors):
+        changed[s] = False
         for i in range(starts[s], starts[s + 1]):
             if variance[i] < variance_limit:
                 continue
@@ -171,6 +179,65 @@ def lend_heights(
                         weighted += weight * mean[best]
                         break
             if weights > 0.0:
-                height[i] = weighted / weights
-                noise[i] = 1.0 / weights
-    return height, noise
+                lent_heights[i] = weighted / weights
+                lent_noise[i] = 1.0 / weights
+                changed[s] = True
+
+
+@kernel
+def grow_sectors(
+    starts: Labels,
+    ranges: Vector,
+    heights: Vector,
+    seeds: Mask,
+    caps: Vector,
+    length: float,
+    signal: float,
+    noise: float,
+    variance_limit: float,
+    residual_limit: float,
+    rounds: int,
+    reach: int,
+    slope: float,
+    gap: float,
+) -> tuple[Mask, Vector, Vector]:
+    """Grow the ground models of all sectors from their seeds; return (accepted, mean, variance).
+
+    Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
+    to the mean function). A candidate joins when its variance is below `variance_limit` and its
+    residual below both `residual_limit` standard deviations of an observation there and its own
+    cap; mean and variance are brought up to date after each sweep over the candidates.
+
+    When no more join, uncertain prototypes take heights from neighbouring sectors
+    (`lend_heights`), from the inside out and only as long as they stay uncertain, and growth
+    goes on; this is repeated `rounds` times, for the sectors that were lent anything new.
+    """
+    total = ranges.shape[0]
+    sectors = starts.shape[0] - 1
+    accepted = np.zeros(total, np.bool_)
+    mean = np.zeros(total, np.float64)
+    variance = np.full(total, signal, np.float64)
+    lent_heights = np.zeros(total, np.float64)
+    lent_noise = np.full(total, math.nan, np.float64)
+    changed = np.ones(sectors, np.bool_)
+    largest = 0
+    for s in range(sectors):
+        largest = max(largest, starts[s + 1] - starts[s])
+    factor = np.empty(2 * largest * largest, np.float64)
+    joining = np.empty(largest, np.int64)
+    for turn in range(rounds + 1):
+        if turn > 0:
+            lend_heights(
+                starts, ranges, mean, variance, variance_limit, reach, slope, gap,
+                lent_heights, lent_noise, changed,
+            )  # fmt: skip
+        for s in range(sectors):
+            if changed[s]:
+                own = slice(starts[s], starts[s + 1])
+                grow_sector(
+                    ranges[own], heights[own], seeds[own], caps[own],
+                    lent_heights[own], lent_noise[own],
+                    length, signal, noise, variance_limit, residual_limit,
+                    accepted[own], mean[own], variance[own], factor, joining,
+                )  # fmt: skip
+    return accepted, mean, variance

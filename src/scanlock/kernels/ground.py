@@ -123,19 +123,25 @@ def heights_above_knots(
 
 
 @kernel
-def split_by_height(height: Vector, limit: float) -> tuple[Mask, Mask, int]:
-    """Return which heights lie within `limit` of zero, which lie below, and how many near it.
+def split_by_height(
+    height: Vector, cells: Labels, limits: Vector, limit: float
+) -> tuple[Mask, Mask, int, int]:
+    """Return which heights are on the ground, which below it, and how many near and close to it.
 
-    The last counts the heights within three limits. NaN is in none of the three.
+    On the ground is within ``limits[c]`` of zero in cell c, below it under ``-limit``; near and
+    close are within three and one `limit`. NaN is none of these.
     """
     n = height.shape[0]
-    within = np.empty(n, np.bool_)
-    below = np.empty(n, np.bool_)
+    within = np.zeros(n, np.bool_)
+    below = np.zeros(n, np.bool_)
     near = 0
+    close = 0
     for i in range(n):
         h = height[i]
-        within[i] = abs(h) < limit
-        below[i] = h <= -limit
         if abs(h) < 3.0 * limit:
             near += 1
-    return within, below, near
+        if abs(h) < limit:
+            close += 1
+            within[i] = abs(h) < limits[cells[i]]
+        below[i] = h <= -limit
+    return within, below, near, close

@@ -13,42 +13,87 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def lower_envelope(
-    x: Vector, y: Vector, z: Vector, cells: Labels, sectors: int, bins: int, steepest: float
-) -> Vector:
-    """Return at each low point the height of the lowest cone over all low points.
+def count_supporters(
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    point_of_cell: Labels,
+    cells: Labels,
+    bins: int,
+    steepest: float,
+) -> Labels:
+    """Return how many low points around each one could be ground together with it.
 
-    A cone rises from each low point with the slope `steepest`; ground that is nowhere steeper
-    lies on the envelope of the cones, and what stands on visible ground lies above it. The low
-    points lie one to a polar cell; each passes the foot of its lowest cone on to the next
-    occupied cell, outwards, inwards and around both ways, twice.
+    Of the low points in the 5 x 5 polar cells around one, those support it that are at most
+    `steepest` times their distance higher; nothing supports a stray reflection below ground.
+    """
+    n = x.shape[0]
+    sectors = point_of_cell.shape[0] // bins
+    supporters = np.zeros(n, np.int64)
+    for i in range(n):
+        own_sector = cells[i] // bins
+        own_bin = cells[i] % bins
+        for across in range(-2, 3):
+            lane = (own_sector + across) % sectors * bins
+            for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
+                j = point_of_cell[lane + k]
+                if j >= 0 and j != i:
+                    rise = steepest * math.hypot(x[i] - x[j], y[i] - y[j])
+                    if z[j] < z[i] + rise:
+                        supporters[i] += 1
+    return supporters
+
+
+@kernel
+def lower_envelope(
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    cells: Labels,
+    sectors: int,
+    bins: int,
+    steepest: float,
+    support: int,
+) -> Vector:
+    """Return at each low point the height of the lowest cone over the supported low points.
+
+    A cone rises from each with the slope `steepest`; ground that is nowhere steeper lies on the
+    envelope of the cones, and what stands on visible ground lies above it. The low points lie
+    one to a polar cell; each passes the foot of its lowest cone on to the next occupied cell,
+    outwards, inwards and around both ways, twice. Low points with fewer than `support`
+    supporters have no cone.
     """
     n = x.shape[0]
     point_of_cell = np.full(sectors * bins, -1, np.int64)
-    foot = np.arange(n)
-    envelope = z.copy()
     for i in range(n):
         point_of_cell[cells[i]] = i
+    supporters = count_supporters(x, y, z, point_of_cell, cells, bins, steepest)
+    foot = np.full(n, -1, np.int64)
+    envelope = np.full(n, math.inf, np.float64)
+    for i in range(n):
+        if supporters[i] >= support:
+            foot[i] = i
+            envelope[i] = z[i]
     for sweep in range(8):
         along = sweep % 4 < 2
         lanes = sectors if along else bins
         # Around a ring one lap and a half, so that the seam is no border.
         steps = bins if along else sectors + sectors // 2
         for lane in range(lanes):
-            last = -1
+            f = -1
             for k in range(steps):
                 step = k if sweep % 2 == 0 else steps - 1 - k
                 cell = lane * bins + step if along else (step % sectors) * bins + lane
                 i = point_of_cell[cell]
                 if i < 0:
                     continue
-                if last >= 0:
-                    f = foot[last]
+                if f >= 0:
                     height = z[f] + steepest * math.hypot(x[i] - x[f], y[i] - y[f])
                     if height < envelope[i]:
                         envelope[i] = height
                         foot[i] = f
-                last = i
+                if foot[i] >= 0:
+                    f = foot[i]
     return envelope
 
 
@@ -287,7 +332,9 @@ def grow_patches(
             )
             if count < 2 or 2 * count < n or rms > roughness:
                 continue
-            if 2 * predicted < count and (count < 6 or count < 0.6 * occupied[p]):
+            if 2 * predicted < count and (
+                count < 6 or count < 0.6 * occupied[p] or rms > 0.7 * roughness
+            ):
                 continue
             patches[p, :3] = fitted[:3]
             patches[p, 5] = fitted[5]

@@ -5,8 +5,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Vector, read_only
-from scanlock.errors import require_positive
-from scanlock.kernels.gaussian_process import insac_sectors
+from scanlock.errors import require_count, require_positive
+from scanlock.kernels.gaussian_process import grow_sectors
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lending:
+    """How sectors without a model of their own take one from their neighbours (all ours)."""
+
+    rounds: int = 2
+    """How often; each time, models reach farther behind what hides the ground."""
+
+    reach: int = 8
+    """Sectors to either side that may lend."""
+
+    gap: float = 1.0
+    """How much nearer or farther than the borrower the lender may be [m]."""
+
+    slope_deviation: float = 0.05
+    """Standard deviation of the slope, across sectors, of the ground less its mean function."""
+
+    def __post_init__(self) -> None:
+        require_count("rounds", self.rounds, 0)
+        require_count("reach", self.reach, 1)
+        require_positive("gap", self.gap, unit="m")
+        require_positive("slope_deviation", self.slope_deviation)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,7 +63,7 @@ class GaussianProcess:
         variance_limit: float,
         residual_limit: float,
         caps: Vector | None = None,
-        lent: tuple[Vector, Vector] | None = None,
+        lending: Lending | None = None,
     ) -> tuple[Mask, Vector, Vector]:
         """Grow a model of every sector from its seeds (INSAC).
 
@@ -49,7 +72,7 @@ class GaussianProcess:
         starts : (sectors + 1,)
             Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
         ranges, heights : (n,) [m]
-            Prototypes; heights are relative to the mean function.
+            Prototypes; heights are relative to the mean function. A NaN height never joins.
         seeds : (n,)
             The prototypes each sector starts from.
         variance_limit : float [m^2]
@@ -59,9 +82,8 @@ class GaussianProcess:
             noise included.
         caps : (n,) [m], optional
             Largest residual with which each prototype may join, whatever the deviation.
-        lent : ((n,), (n,)) [m, m^2], optional
-            Heights from neighbouring sectors and their variances, NaN for none; taken one by
-            one, from the inside out, where the model is still uncertain when growth has ended.
+        lending : Lending, optional
+            How uncertain sectors take heights from their neighbours; they do not by default.
 
         Returns
         -------
@@ -76,19 +98,20 @@ class GaussianProcess:
         factor of the covariance grows by one row for each prototype that joins, so no matrix
         is inverted, and only the diagonal of the posterior covariance is ever formed.
         """
-        nobody = np.full(len(ranges), np.nan)
-        lent_heights, lent_noise = lent if lent is not None else (nobody, nobody)
-        return insac_sectors(
+        lending = lending if lending is not None else Lending(rounds=0)
+        return grow_sectors(
             read_only(starts),
             read_only(ranges),
             read_only(heights),
             read_only(seeds),
             read_only(np.full(len(ranges), np.inf) if caps is None else caps),
-            read_only(lent_heights),
-            read_only(lent_noise),
             float(self.length_scale),
             float(self.signal_deviation) ** 2,
             float(self.noise_deviation) ** 2,
             float(variance_limit),
             float(residual_limit),
+            int(lending.rounds),
+            int(lending.reach),
+            float(lending.slope_deviation),
+            float(lending.gap),
         )

@@ -17,10 +17,10 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground import split_by_height, turned_points
-from scanlock.models.gaussian_process import GaussianProcess
+from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import fit_base_surface
-from scanlock.models.ground_model import heights_above_model, modelled_heights
-from scanlock.models.ground_plane import BasePlane, fit_base_plane
+from scanlock.models.ground_model import BLUNT_LIMIT, heights_above_model, modelled_heights
+from scanlock.models.ground_plane import fit_base_plane
 from scanlock.models.ground_prototypes import Prototypes
 from scanlock.models.ground_published import published_heights
 
@@ -123,6 +123,10 @@ class GroundFinder:
 
     process: GaussianProcess = field(default_factory=GaussianProcess)
     """The ground of one sector about its mean function."""
+
+    lending: Lending = field(default_factory=Lending)
+    """How sectors whose ground is hidden take heights from their neighbours. Corrected form
+    only."""
 
     variance_limit: float = 0.04
     """A prototype joins, and a height counts as known, where the variance of the model is below
@@ -228,10 +232,26 @@ class GroundFinder:
             return _no_ground(
                 cloud, f"the lowest points lie in a plane {math.degrees(_tilt(up)):.0f} deg off z"
             )
-        accepted, height = self._model(points, prototypes, plane)
-        is_ground, is_below, near = split_by_height(read_only(height), self.height_limit)
+        base = fit_base_surface(points, prototypes, plane, self.grid)
+        accepted, modelled = modelled_heights(
+            prototypes,
+            plane,
+            base,
+            self.process,
+            self.lending,
+            seed_height=self.seed_height,
+            seed_range=self.seed_range,
+            variance_limit=self.variance_limit,
+            residual_limit=self.residual_limit,
+        )
+        height = heights_above_model(points, prototypes, plane, modelled)
+        limits = np.full(len(prototypes.lowest), self.height_limit)
+        limits[prototypes.cells[~base.sharp]] = min(self.height_limit, BLUNT_LIMIT)
+        is_ground, is_below, near, close = split_by_height(
+            read_only(height), prototypes.cell_of_point, read_only(limits), self.height_limit
+        )
         doubt = self._doubt_about(prototypes.points[accepted], len(accepted)) or self._blur(
-            int(is_ground.sum()), near
+            close, near
         )
         if doubt:
             return _no_ground(cloud, doubt)
@@ -268,22 +288,6 @@ class GroundFinder:
             "it is no surface"
         )
 
-    def _model(
-        self, points: Points, prototypes: Prototypes, plane: BasePlane
-    ) -> tuple[Mask, Vector]:
-        """Return which prototypes are ground, and the heights of all points above the model."""
-        accepted, modelled = modelled_heights(
-            prototypes,
-            plane,
-            fit_base_surface(points, prototypes, plane, self.grid),
-            self.process,
-            seed_height=self.seed_height,
-            seed_range=self.seed_range,
-            variance_limit=self.variance_limit,
-            residual_limit=self.residual_limit,
-        )
-        return accepted, heights_above_model(points, prototypes, plane, modelled)
-
     def _find_published(self, cloud: PointCloud) -> Ground:
         prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
         height, sectors = published_heights(
@@ -298,7 +302,10 @@ class GroundFinder:
         )
         if sectors == 0:
             return _no_ground(cloud, "no sector has two prototypes to start from")
-        is_ground, is_below, _ = split_by_height(read_only(height), self.height_limit)
+        limits = read_only(np.full(len(prototypes.lowest), self.height_limit))
+        is_ground, is_below, _, _ = split_by_height(
+            read_only(height), prototypes.cell_of_point, limits, self.height_limit
+        )
         return Ground(
             is_ground=is_ground,
             is_below=is_below,

@@ -26,11 +26,14 @@ _SHARP_SHARE = 0.6
 """A cell is sharp when this share of its points within the reach, times closeness, is close: a
 wall goes on above its foot, a floor does not, and a tree leaves a gap."""
 
-_STEEPEST = 0.5
+_STEEPEST = 0.6
 """Slope of the steepest ground; what stands higher above lower ground nearby is an object."""
 
 _ENVELOPE_LIMIT = 0.25
 """Ground lies within this height of the lower envelope [m]."""
+
+_SUPPORT = 3
+"""A low point tells what stands above it only if so many around it lie about as low."""
 
 _PATCH_SECTORS = 30
 _FIRST_RING, _RING_GROWTH = 2.0, 1.22
@@ -87,9 +90,10 @@ def fit_base_surface(
     )
     sharp = _sharp(points, prototypes, plane, grid)
     envelope = lower_envelope(
-        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST
+        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST, _SUPPORT
     )
-    on_envelope = heights - envelope < _ENVELOPE_LIMIT
+    # Reflections below the ground must not take the ground around them away.
+    on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | (np.abs(heights) < _GATE)
     sectors = min(_PATCH_SECTORS, int(grid.sectors))
     ring = np.floor(
         np.log(np.maximum(prototypes.ranges / _FIRST_RING, 1.0)) / np.log(_RING_GROWTH)

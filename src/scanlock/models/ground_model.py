@@ -3,28 +3,15 @@
 import numpy as np
 
 from scanlock.arrays import Mask, Points, Vector, frozen, read_only
-from scanlock.kernels.gaussian_process import lend_heights
 from scanlock.kernels.ground import heights_above_knots
-from scanlock.models.gaussian_process import GaussianProcess
+from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import BaseSurface
 from scanlock.models.ground_plane import BasePlane
 from scanlock.models.ground_prototypes import Prototypes
 
-_LENDING_ROUNDS = 2
-"""How often sectors without a model of their own take one from their neighbours (ours)."""
-
-_LENDING_REACH = 8
-"""Sectors to either side that may lend (ours)."""
-
-_LENDING_GAP = 1.0
-"""How much nearer or farther the lender may be [m] (ours)."""
-
-_SIDE_SLOPE = 0.05
-"""Standard deviation of the slope of the ground, less the base plane, across sectors (ours)."""
-
-_BLUNT_LIMIT = 0.15
-"""Largest residual of the lowest point of a wall or a bush with which it still is ground [m]
-(ours)."""
+BLUNT_LIMIT = 0.15
+"""Where points go on upwards, at walls and bushes, only what lies this close to the model is
+ground [m] (ours)."""
 
 _LEAST_STEP = 1e-3
 """Prototypes closer than this in range [m] give no slope between them."""
@@ -35,6 +22,7 @@ def modelled_heights(
     plane: BasePlane,
     base: BaseSurface,
     process: GaussianProcess,
+    lending: Lending,
     *,
     seed_height: float,
     seed_range: float,
@@ -51,42 +39,20 @@ def modelled_heights(
     known = np.isfinite(base.height)
     heights = plane.heights(prototypes.points) - base.height
     firm = base.sharp & base.on_envelope
-    caps = np.where(base.sharp, np.inf, _BLUNT_LIMIT)
     with np.errstate(invalid="ignore"):
         seeds = (np.abs(heights) < seed_height) & (prototypes.ranges < seed_range)
-        seeds &= firm | (base.on_envelope & (np.abs(heights) < _BLUNT_LIMIT))
+        seeds &= firm | (base.on_envelope & (np.abs(heights) < BLUNT_LIMIT))
 
-    def grow(lent: tuple[Vector, Vector] | None) -> tuple[Mask, Vector, Vector]:
-        return process.consensus(
-            prototypes.starts,
-            prototypes.ranges,
-            heights,
-            seeds,
-            variance_limit=variance_limit,
-            residual_limit=residual_limit,
-            caps=caps,
-            lent=lent,
-        )
-
-    accepted, mean, variance = grow(None)
-    lent_height, lent_variance = np.full((2, len(heights)), np.nan)
-    for _ in range(_LENDING_ROUNDS):
-        offered, worth = lend_heights(
-            prototypes.starts,
-            prototypes.ranges,
-            read_only(mean),
-            read_only(variance),
-            variance_limit,
-            _LENDING_REACH,
-            _SIDE_SLOPE,
-            _LENDING_GAP,
-        )
-        taken = np.isfinite(worth)
-        if not taken.any():
-            break
-        lent_height = np.where(taken, offered, lent_height)
-        lent_variance = np.where(taken, worth, lent_variance)
-        accepted, mean, variance = grow((lent_height, lent_variance))
+    accepted, mean, variance = process.consensus(
+        prototypes.starts,
+        prototypes.ranges,
+        heights,
+        seeds,
+        variance_limit=variance_limit,
+        residual_limit=residual_limit,
+        caps=np.where(base.sharp, np.inf, BLUNT_LIMIT),
+        lending=lending,
+    )
     mean[(variance >= variance_limit) | ~known] = np.nan
     return accepted, mean + base.height
 
