@@ -261,6 +261,19 @@ def test_an_initial_pose_is_where_the_search_begins(method):
         assert result.target_from_source.is_close(far, translation=_METRES, rotation=_RADIANS)
 
 
+def test_an_initial_pose_in_map_coordinates_is_one_between_them(method):
+    # The clouds lie kilometres apart in the map, so a start about their own origins is another.
+    far = yaw_pose(2.6, (4.0, -3.0, 0.0))
+    here = Pose(np.eye(3), np.array([500_000.0, 5_400_000.0, 100.0]))
+    there = Pose(np.eye(3), np.array([503_000.0, 5_398_000.0, 120.0]))
+    truth = here @ far @ there.inverse()
+    source = there.apply(far.inverse().apply(street(2)))
+    result = register(source, here.apply(_target()), method=method, initial=truth)
+    assert result.status is Status.OK
+    error = result.target_from_source.apply(source) - truth.apply(source)
+    assert np.median(np.linalg.norm(error, axis=1)) < 2 * _METRES
+
+
 def test_scans_out_of_reach_return_the_initial_pose(method):
     initial = yaw_pose(0.3, (500.0, 20.0, 0.0))
     result = register(_source(), _target(), method=method, initial=initial)

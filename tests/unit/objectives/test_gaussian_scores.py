@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from reference import differences
 from reference import gaussian_scores as reference
 from reference.samples import gaussians, yaw_pose
 from scanlock.arrays import read_only
@@ -75,7 +76,7 @@ def test_tiles_leave_out_no_point(target):
     on_edges = np.column_stack([columns.ravel(), rows.ravel(), np.zeros(columns.size)])
     on_edges = np.append(corner, target.means[0, 2]) + 3.0 * on_edges
     on_means = target.means
-    points = np.concatenate([near, on_edges, on_means, on_means + [1e7, -1e7, 0.0]])
+    points = np.concatenate([near, on_edges, on_means, on_means + np.array([1e7, -1e7, 0.0])])
     expected = reference.p2d_value(Pose.identity(), target, points)
     assert expected < 0.0
     value = _p2d(target, points).linearise(Pose.identity()).value
@@ -94,6 +95,37 @@ def test_p2d_is_continuous_where_the_score_of_the_own_cell_jumps():
     assert np.abs(np.diff(own)).max() > 0.5
     # |d rho / dx| of one Gaussian is at most exp(-1/2) over its deviation.
     assert np.abs(np.diff(every)).max() < 2.0 * np.exp(-0.5) / 0.5 * steps
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+def test_derivatives_hold_inside_the_window_where_it_bends(share):
+    # The usual window begins where a score is e^-8; this one bends it where it weighs.
+    rng = np.random.default_rng(5)
+    shape = ScoreShape(sharpness=0.5, window_start=1.0, window_end=9.0)
+    target, source = gaussians(rng, 1, least=0.5), gaussians(rng, 1, least=0.5)
+    pose = Pose.from_step(rng.normal(size=6))
+    for objective, both in (
+        (
+            GaussiansToGaussians(target=target, source=source, shape=shape),
+            target.covariances[0] + source.transformed(pose).covariances[0],
+        ),
+        (
+            PointsToGaussians(target=target, points=source.means, shape=shape),
+            target.covariances[0],
+        ),
+    ):
+        # Put the source where the squared distance lies that far into the window.
+        s = 1.0 + share * 8.0
+        place = target.means[0] + np.linalg.cholesky(both) @ np.array([0.6, 0.0, 0.8]) * np.sqrt(s)
+        at = Pose(pose.rotation, place - pose.rotation @ source.means[0])
+        found = objective.linearise(at)
+        # Far from both ends everything is smooth: the stencil errs by h^4 and rounding over h.
+        h = 1e-3 * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+        gradient = differences.gradient(lambda p, o=objective: o.linearise(p).value, at, h)
+        hessian = differences.hessian(lambda p, o=objective: o.linearise(p).gradient, at, h)
+        assert np.abs(found.gradient).max() > 1e-3
+        np.testing.assert_allclose(found.gradient, gradient, rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found.hessian, hessian, rtol=1e-6, atol=1e-7)
 
 
 def test_a_point_counts_once_and_values_are_means():
