@@ -13,35 +13,38 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def count_supporters(
+def is_supported(
+    i: int,
     x: Vector,
     y: Vector,
     z: Vector,
     point_of_cell: Labels,
-    cells: Labels,
+    cell: int,
     bins: int,
     steepest: float,
-) -> Labels:
-    """Return how many low points around each one could be ground together with it.
+    support: int,
+) -> bool:
+    """Tell whether `support` low points around one could be ground together with it.
 
-    Of the low points in the 5 x 5 polar cells around one, those support it that are at most
+    Of the low points in the 5 x 5 polar cells around it, those support it that are at most
     `steepest` times their distance higher; nothing supports a stray reflection below ground.
     """
-    n = x.shape[0]
     sectors = point_of_cell.shape[0] // bins
-    supporters = np.zeros(n, np.int64)
-    for i in range(n):
-        own_sector = cells[i] // bins
-        own_bin = cells[i] % bins
-        for across in range(-2, 3):
-            lane = (own_sector + across) % sectors * bins
-            for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
-                j = point_of_cell[lane + k]
-                if j >= 0 and j != i:
-                    rise = steepest * math.hypot(x[i] - x[j], y[i] - y[j])
-                    if z[j] < z[i] + rise:
-                        supporters[i] += 1
-    return supporters
+    own_sector = cell // bins
+    own_bin = cell % bins
+    found = 0
+    for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
+        for across in range(sectors - 2, sectors + 3):
+            j = point_of_cell[(own_sector + across) % sectors * bins + k]
+            if j < 0 or j == i:
+                continue
+            dx = x[i] - x[j]
+            dy = y[i] - y[j]
+            if z[j] < z[i] + steepest * math.sqrt(dx * dx + dy * dy):
+                found += 1
+                if found == support:
+                    return True
+    return False
 
 
 @kernel
@@ -67,11 +70,10 @@ def lower_envelope(
     point_of_cell = np.full(sectors * bins, -1, np.int64)
     for i in range(n):
         point_of_cell[cells[i]] = i
-    supporters = count_supporters(x, y, z, point_of_cell, cells, bins, steepest)
     foot = np.full(n, -1, np.int64)
     envelope = np.full(n, math.inf, np.float64)
     for i in range(n):
-        if supporters[i] >= support:
+        if is_supported(i, x, y, z, point_of_cell, cells[i], bins, steepest, support):
             foot[i] = i
             envelope[i] = z[i]
     for sweep in range(8):
@@ -83,12 +85,16 @@ def lower_envelope(
             f = -1
             for k in range(steps):
                 step = k if sweep % 2 == 0 else steps - 1 - k
-                cell = lane * bins + step if along else (step % sectors) * bins + lane
+                if not along and step >= sectors:
+                    step -= sectors
+                cell = lane * bins + step if along else step * bins + lane
                 i = point_of_cell[cell]
                 if i < 0:
                     continue
                 if f >= 0:
-                    height = z[f] + steepest * math.hypot(x[i] - x[f], y[i] - y[f])
+                    dx = x[i] - x[f]
+                    dy = y[i] - y[f]
+                    height = z[f] + steepest * math.sqrt(dx * dx + dy * dy)
                     if height < envelope[i]:
                         envelope[i] = height
                         foot[i] = f
@@ -237,8 +243,9 @@ def widen_gates(
             for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
                 q = ((p // rings + across) % patch_sectors) * rings + ring
                 if accepted[q]:
-                    away = math.hypot(x[i] - patches[q, 3], y[i] - patches[q, 4]) - patches[q, 5]
-                    nearest = min(nearest, away)
+                    dx = x[i] - patches[q, 3]
+                    dy = y[i] - patches[q, 4]
+                    nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - patches[q, 5])
         gates[i] = gate + gate_slope * max(nearest, 0.0)
 
 

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, frozen, read_only
+from scanlock.arrays import Points, Vector, frozen
 from scanlock.kernels.ground_plane import best_triple_plane, plane_moments, plane_score
 
-_TRIPLES = 600
-"""Planes tried (ours); with a fifth of the low points on the ground, five of them lie on it."""
+_TRIPLES = 1000
+"""Planes tried (ours); with a fifth of the low points on the ground, eight of them lie on it."""
 
 _SCORED = 700
 """Low points that score each of those planes (ours)."""
@@ -37,14 +37,11 @@ class BasePlane:
         Height of the origin above the plane.
     support : float
         Weighted share of the low points on the plane, less half that of those beneath it.
-    breadth : float [m]
-        Standard deviation of its points in the direction along which they spread less.
     """
 
     normal: Vector
     offset: float
     support: float
-    breadth: float
 
     def __post_init__(self) -> None:
         frozen(self.normal)
@@ -76,27 +73,31 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     n = len(low_points)
     if n < 3:
         return None
-    low = read_only(low_points)
-    ranges = np.hypot(low[:, 0], low[:, 1])
-    gates = read_only(_GATE + _GATE_SLOPE * ranges)
-    weights = 1.0 / (_NEAR + ranges)
-    weights = read_only(weights / weights.sum())
+    ranges = np.hypot(low_points[:, 0], low_points[:, 1])
+    nearness = 1.0 / (_NEAR + ranges)
+    columns = np.stack(
+        [*low_points.T, nearness / nearness.sum(), 1.0 / (_GATE + _GATE_SLOPE * ranges)]
+    )
+    sample = np.ascontiguousarray(columns[:, :: max(1, n // _SCORED)])
+    frozen(columns)
+    x, y, z, weights, sharpness = columns
+    frozen(sample)
     nx, ny, nz, d, score = best_triple_plane(
-        low, weights, gates, _TRIPLES, max(1, n // _SCORED), float(np.cos(max_tilt))
+        sample[0], sample[1], sample[2], sample[3], sample[4], _TRIPLES, float(np.cos(max_tilt))
     )
     if score <= 0.0:
         return None
-    normal, breadth = np.array([nx, ny, nz]), 0.0
+    normal = np.array([nx, ny, nz])
     for reach in _REACHES:
-        sums = plane_moments(low, weights, gates, reach, normal[0], normal[1], normal[2], d)
+        sums = plane_moments(x, y, z, weights, sharpness, reach, nx, ny, nz, d)
         if sums[0] <= 0.0:
             return None
         mean = sums[1:4] / sums[0]
         xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
         second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        spread, axes = np.linalg.eigh(second - np.outer(mean, mean))
+        _, axes = np.linalg.eigh(second - np.outer(mean, mean))
         normal = axes[:, 0] if axes[2, 0] >= 0.0 else -axes[:, 0]
+        nx, ny, nz = (float(part) for part in normal)
         d = -float(normal @ mean)
-        breadth = float(np.sqrt(max(spread[1], 0.0)))
-    score = plane_score(low, weights, gates, 1, normal[0], normal[1], normal[2], d)
-    return BasePlane(normal, d, max(score, 0.0), breadth)
+    score = plane_score(x, y, z, weights, sharpness, nx, ny, nz, d)
+    return BasePlane(normal, d, max(score, 0.0))

@@ -6,7 +6,7 @@ import numpy as np
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.kernels.ground import lowest_in_cells
+from scanlock.kernels.ground import cells_by_table, lowest_in_cells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,17 +47,18 @@ class Prototypes:
     @classmethod
     def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
         """Return the prototypes of the cells with at least `min_points` points."""
-        cell_of_point = grid.cells(points)
-        bins = grid.bins
-        cell_count = int(grid.sectors) * bins
-        lowest, count = lowest_in_cells(read_only(points), cell_of_point, cell_count)
+        edges = grid.edges
+        sectors, bins = int(grid.sectors), len(edges) - 1
+        cell_of_point = cells_by_table(read_only(points), sectors, edges)
+        frozen(cell_of_point)
+        lowest, count = lowest_in_cells(read_only(points), cell_of_point, sectors * bins)
         cells = np.flatnonzero(count >= min_points)
         low = points[lowest[cells]]
         return cls(
             points=low,
             ranges=np.hypot(low[:, 0], low[:, 1]),
             cells=cells,
-            starts=np.searchsorted(cells, np.arange(grid.sectors + 1) * bins),
+            starts=np.searchsorted(cells, np.arange(sectors + 1) * bins),
             cell_of_point=cell_of_point,
             lowest=lowest,
             bins=bins,
