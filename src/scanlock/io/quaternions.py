@@ -1,0 +1,34 @@
+"""Poses written as a translation and a unit quaternion."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+
+_NORM_TOLERANCE = 1e-2
+"""How far the norm of a quaternion printed with few digits may be from 1."""
+
+
+def pose_from_quaternion(translation: Sequence[float], quaternion: Sequence[float]) -> Pose:
+    """Return the pose of (x, y, z) [m] and a unit quaternion (w, x, y, z).
+
+    Raises
+    ------
+    InvalidInput
+        The norm of the quaternion is not 1, or a number is not finite.
+    """
+    q = np.asarray(quaternion, dtype=np.float64)
+    norm = float(np.linalg.norm(q))
+    if not abs(norm - 1.0) <= _NORM_TOLERANCE:
+        raise InvalidInput(f"a quaternion must have norm 1, got {norm:.6g} for {list(quaternion)}")
+    w, x, y, z = q / norm
+    # fmt: off
+    rotation = np.array([
+        [1 - 2 * (y * y + z * z),     2 * (x * y - w * z),     2 * (x * z + w * y)],
+        [    2 * (x * y + w * z), 1 - 2 * (x * x + z * z),     2 * (y * z - w * x)],
+        [    2 * (x * z - w * y),     2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])
+    # fmt: on
+    return Pose(rotation, np.asarray(translation, dtype=np.float64))

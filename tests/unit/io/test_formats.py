@@ -1,0 +1,140 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from scanlock.errors import FormatError, InvalidInput
+from scanlock.io import FORMATS, read_scan, write_scan
+
+_POINTS = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32) * 10
+_NAMES = [extension for known in FORMATS.values() for extension in known.extensions]
+
+
+@pytest.mark.parametrize("extension", _NAMES)
+def test_every_extension_is_written_and_read(tmp_path, extension):
+    path = tmp_path / f"a{extension.upper()}"
+    write_scan(path, _POINTS)
+    scan = read_scan(path)
+    assert np.abs(scan.points - _POINTS).max() < 1e-4
+    assert extension in FORMATS[scan.format].extensions
+
+
+def test_no_extension_belongs_to_two_formats():
+    assert len(set(_NAMES)) == len(_NAMES)
+    assert all(name.startswith(".") and name == name.lower() for name in _NAMES)
+
+
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "bin"])
+def test_content_tells_the_format_where_the_name_does_not(tmp_path, name):
+    path = tmp_path / "a.scan"
+    write_scan(path, _POINTS, format=name)
+    assert read_scan(path).format == name
+
+
+def test_raw_floats_are_told_by_their_name_only(tmp_path):
+    path = tmp_path / "a.scan"
+    write_scan(path, _POINTS, format="bin")
+    with pytest.raises(FormatError, match=r"neither the name \(.scan\) nor the content"):
+        read_scan(path)
+    assert len(read_scan(path, format="bin", columns=3)) == 40
+
+
+@pytest.mark.parametrize("held", list(FORMATS))
+@pytest.mark.parametrize("named", list(FORMATS))
+def test_a_name_that_lies_is_named_with_what_was_found(tmp_path, held, named):
+    path = tmp_path / f"a{FORMATS[named].extensions[0]}"
+    write_scan(path, _POINTS, format=held)
+    if held == named:
+        assert len(read_scan(path)) == 40
+        return
+    found = FORMATS[held].title if held != "bin" else "unknown binary data"
+    if (held, named) == ("bin", "txt"):
+        found = "the byte 0x"
+    with pytest.raises(FormatError) as caught:
+        read_scan(path)
+    assert found in str(caught.value)
+    if held != "bin":
+        assert FORMATS[named].title in str(caught.value)
+        assert f'format="{held}"' in str(caught.value)
+        assert len(read_scan(path, format=held)) == 40
+
+
+@pytest.mark.parametrize(
+    ("content", "title"),
+    [
+        (b"# vtk DataFile Version 3.0\n", "VTK"),
+        (b"ASTM-E57\0\0", "E57"),
+        (b"#ROSBAG V2.0\n", "ROS bag"),
+        (b"\xd4\xc3\xb2\xa1\2\0\4\0", "pcap"),
+        (b"\x1f\x8b\x08\0", "gzip"),
+    ],
+)
+def test_known_strangers_are_called_by_their_names(save, content, title):
+    for name in ("a.bin", "a.unknown", "a.txt"):
+        with pytest.raises(FormatError, match=f"found a {title}"):
+            read_scan(save(name, content + bytes(100)))
+
+
+@pytest.mark.parametrize("name", _NAMES)
+def test_empty_files_are_refused_by_every_name(save, name):
+    with pytest.raises(FormatError, match="byte 0: expected a scan file, found an empty file"):
+        read_scan(save(f"a{name}", b""))
+
+
+def test_missing_files_and_folders(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such scan file") as caught:
+        read_scan(tmp_path / "no.pcd")
+    assert caught.value.filename == str(tmp_path / "no.pcd")
+    with pytest.raises(FormatError, match="found a folder"):
+        read_scan(tmp_path)
+
+
+def test_choices_that_do_not_exist(tmp_path, save):
+    path = tmp_path / "a.pcd"
+    with pytest.raises(InvalidInput, match="format must be one of bin, npy"):
+        write_scan(path, _POINTS, format="pdc")
+    with pytest.raises(InvalidInput, match="format must be one of bin, npy"):
+        read_scan(save("b.pcd", b"x"), format="pdc")
+    with pytest.raises(InvalidInput, match="stands for no format"):
+        write_scan(tmp_path / "a.stl", _POINTS)
+    with pytest.raises(InvalidInput, match="encoding of npy must be one of binary"):
+        write_scan(tmp_path / "a.npy", _POINTS, encoding="ascii")
+    with pytest.raises(InvalidInput, match="ply keeps no height"):
+        write_scan(tmp_path / "a.ply", _POINTS, height=2)
+
+
+@pytest.mark.parametrize(
+    "points",
+    [np.zeros((4, 2)), np.zeros((4, 4)), np.zeros(3), np.zeros((0, 3)), np.full((2, 3), "a")],
+)
+def test_refuses_to_write_what_is_no_cloud(tmp_path, points):
+    with pytest.raises(InvalidInput, match="points must"):
+        write_scan(tmp_path / "a.npy", points)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_write_keeps_the_old_scan(tmp_path):
+    path = tmp_path / "a.ply"
+    write_scan(path, _POINTS)
+    before = path.read_bytes()
+    with pytest.raises(InvalidInput):
+        write_scan(path, _POINTS, {"t": np.full(40, 2**60)})
+    assert path.read_bytes() == before
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.ply"]
+
+
+def test_writing_leaves_the_callers_arrays_alone(tmp_path):
+    points, ring = _POINTS.copy(), np.arange(40)
+    write_scan(tmp_path / "a.pcd", points, {"ring": ring})
+    points[0], ring[0] = 1.0, 5
+    assert np.array_equal(points[1:], _POINTS[1:])
+
+
+def test_importing_the_readers_is_light():
+    heavy = ["scipy", "numba", "laspy"]
+    code = f"import sys, scanlock.io; print([m for m in {heavy} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("[]\n", "")
