@@ -2,6 +2,15 @@
 
 from scanlock.io.atomic import atomic_file
 from scanlock.io.formats import FORMATS, ScanFormat
+from scanlock.io.labels import read_labels, write_labels
+from scanlock.io.poses import (
+    read_kitti_poses,
+    read_pose,
+    read_tum_poses,
+    write_kitti_poses,
+    write_pose,
+    write_tum_poses,
+)
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import read_scan, write_scan
 
@@ -10,6 +19,14 @@ __all__ = [
     "ScanFile",
     "ScanFormat",
     "atomic_file",
+    "read_kitti_poses",
+    "read_labels",
+    "read_pose",
     "read_scan",
+    "read_tum_poses",
+    "write_kitti_poses",
+    "write_labels",
+    "write_pose",
     "write_scan",
+    "write_tum_poses",
 ]

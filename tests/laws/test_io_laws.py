@@ -1,0 +1,181 @@
+"""What is written reads back; what is cut or damaged never passes for a smaller scan."""
+
+import contextlib
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from scanlock.errors import FormatError
+from scanlock.geometry.pose import Pose
+from scanlock.io import (
+    read_kitti_poses,
+    read_labels,
+    read_pose,
+    read_scan,
+    read_tum_poses,
+    write_kitti_poses,
+    write_labels,
+    write_pose,
+    write_scan,
+    write_tum_poses,
+)
+
+_VARIANTS = [
+    ("a.pcd", "ascii"),
+    ("a.pcd", "binary"),
+    ("a.pcd", "compressed"),
+    ("a.ply", "ascii"),
+    ("a.ply", "binary"),
+    ("a.npy", None),
+    ("a.npz", None),
+    ("a.npz", "compressed"),
+    ("a.csv", None),
+    ("a.xyz", None),
+    ("a.pts", None),
+]
+_COUNTED = [variant for variant in _VARIANTS if variant[0] not in ("a.csv", "a.xyz")]
+"""Formats that say how many points they hold."""
+
+_FIELD_TYPES = ["i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8"]
+
+
+@pytest.fixture(scope="module")
+def folder():
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
+def _arrays(dtype, shape):
+    kind = np.dtype(dtype)
+    if kind.kind == "f":
+        values = st.floats(width=8 * kind.itemsize, allow_nan=True, allow_infinity=True)
+        return hnp.arrays(kind, shape, elements=values)
+    return hnp.arrays(kind, shape)
+
+
+@st.composite
+def _scans(draw):
+    n = draw(st.integers(1, 12))
+    points = draw(_arrays(draw(st.sampled_from(["f4", "f8"])), (n, 3)))
+    names = draw(st.lists(st.sampled_from(["ring", "t", "i", "n"]), unique=True, max_size=3))
+    fields = {name: draw(_arrays(draw(st.sampled_from(_FIELD_TYPES)), (n,))) for name in names}
+    return points, fields
+
+
+@pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
+@given(scan=_scans())
+@settings(max_examples=25)
+def test_round_trip(folder, name, encoding, scan):
+    points, fields = scan
+    path = folder / name
+    write_scan(path, points, fields, encoding=encoding)
+    names = " ".join(["x", "y", "z", *fields]) if name == "a.pts" else None
+    again = read_scan(path, columns=names)
+    assert np.array_equal(again.points.astype(points.dtype), points, equal_nan=True)
+    assert list(again.fields) == list(fields)
+    for key, values in fields.items():
+        # Text has numbers but no types: what matters is that every value comes back.
+        back = again.fields[key].astype(values.dtype)
+        assert np.array_equal(back, values, equal_nan=values.dtype.kind == "f")
+        if name not in ("a.csv", "a.xyz", "a.pts"):
+            assert again.fields[key].dtype == values.dtype
+
+
+def _example(path, encoding):
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(20, 3)) * 30
+    write_scan(path, points, {"ring": np.arange(20, dtype=np.uint8)}, encoding=encoding)
+    return points, path.read_bytes()
+
+
+@pytest.mark.parametrize(("name", "encoding"), _COUNTED)
+def test_no_cut_file_passes_for_a_smaller_scan(folder, name, encoding):
+    path = folder / name
+    points, data = _example(path, encoding)
+    for end in range(1, len(data)):
+        path.write_bytes(data[:end])
+        try:
+            scan = read_scan(path)
+        except FormatError:
+            continue
+        # Text may lose digits of its very last number; the missing line end gives it away.
+        assert b"\n" not in data[end:-1]
+        assert len(scan) == len(points)
+        assert "no end" in scan.notes[0]
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.xyz"])
+def test_tables_without_a_count_can_lose_whole_lines_only(folder, name):
+    path = folder / name
+    _, data = _example(path, None)
+    for end in range(1, len(data)):
+        path.write_bytes(data[:end])
+        try:
+            scan = read_scan(path)
+        except FormatError:
+            continue
+        assert len(scan) == data[:end].count(b"\n") - 1 + bool(scan.notes)
+
+
+@pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
+@given(data=st.data())
+def test_damage_is_a_format_error_or_goes_unseen(folder, name, encoding, data):
+    path = folder / name
+    _, content = _example(path, encoding)
+    damaged = bytearray(content)
+    for _ in range(data.draw(st.integers(1, 3))):
+        place = data.draw(st.integers(0, len(damaged) - 1))
+        kept = data.draw(st.integers(0, 3))
+        damaged[place : place + 2 - kept] = data.draw(st.binary(max_size=3))
+    path.write_bytes(damaged)
+    with contextlib.suppress(FormatError):
+        assert len(read_scan(path)) > 0
+
+
+@given(content=st.binary(min_size=1, max_size=200), suffix=st.sampled_from(["pcd", "ply", "npy"]))
+def test_no_content_raises_anything_but_a_format_error(folder, content, suffix):
+    magic = {
+        "pcd": b"# .PCD\nVERSION 0.7\n",
+        "ply": b"ply\nformat ascii 1.0\n",
+        "npy": b"\x93NUMPY",
+    }
+    for name, head in ((suffix, magic[suffix]), ("txt", b""), ("bin", b""), ("npz", b"PK\3\4")):
+        path = folder / f"b.{name}"
+        path.write_bytes(head + content)
+        with contextlib.suppress(FormatError):
+            assert len(read_scan(path)) > 0
+
+
+_STEPS = hnp.arrays(np.float64, 6, elements=st.floats(-3, 3)).map(
+    lambda step: Pose.from_step(step * [1e6, 1e6, 1e3, 1, 1, 1])
+)
+
+
+@given(poses=st.lists(_STEPS, min_size=1, max_size=4), start=st.floats(0, 2e9))
+def test_poses_round_trip(folder, poses, start):
+    path = folder / "poses.txt"
+    times = start + 0.1 * np.arange(len(poses))
+    write_pose(path, poses[0])
+    assert poses[0].is_close(read_pose(path), translation=0, rotation=1e-15)
+    write_kitti_poses(path, poses)
+    for pose, again in zip(poses, read_kitti_poses(path), strict=True):
+        assert pose.is_close(again, translation=0, rotation=1e-15)
+    write_tum_poses(path, times, poses)
+    stamps, read = read_tum_poses(path)
+    assert np.array_equal(stamps, times)
+    for pose, again in zip(poses, read, strict=True):
+        assert pose.is_close(again, translation=0, rotation=1e-14)
+
+
+@given(
+    labels=hnp.arrays(np.int64, st.integers(1, 20)), suffix=st.sampled_from(["npy", "txt", "csv"])
+)
+def test_labels_round_trip(folder, labels, suffix):
+    path = folder / f"labels.{suffix}"
+    write_labels(path, labels)
+    assert np.array_equal(read_labels(path, count=len(labels)), labels)
