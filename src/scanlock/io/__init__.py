@@ -1,6 +1,7 @@
 """The only code that sees a path: scans, poses, labels."""
 
 from scanlock.io.atomic import atomic_file
+from scanlock.io.describe import ScanDescription, describe_scan
 from scanlock.io.formats import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import (
@@ -16,9 +17,11 @@ from scanlock.io.scans import read_scan, write_scan
 
 __all__ = [
     "FORMATS",
+    "ScanDescription",
     "ScanFile",
     "ScanFormat",
     "atomic_file",
+    "describe_scan",
     "read_kitti_poses",
     "read_labels",
     "read_pose",

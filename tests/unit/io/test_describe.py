@@ -1,0 +1,173 @@
+import json
+import math
+
+import numpy as np
+import pytest
+
+from scanlock.errors import FormatError
+from scanlock.io import describe_scan, write_scan
+from scanlock.io.scan_guesses import guess_sensor, guess_settings, guess_time
+
+
+def _describe(tmp_path, points, fields=None, **options):
+    write_scan(tmp_path / "a.pcd", points, fields, **options)
+    return describe_scan(tmp_path / "a.pcd")
+
+
+def test_counts_what_is_there(tmp_path, room_scan):
+    points = room_scan(beams=8, steps=100)[:792]
+    points[10] = np.nan
+    points[11, 2] = np.inf
+    points[20:30] = 0.0
+    points[30] = -0.0
+    points[40:43] = points[50]
+    points[60] = points[61]
+    fields = {"ring": np.repeat(np.arange(8), 100)[:792], "intensity": np.full(792, np.nan)}
+    found = _describe(tmp_path, points, fields, height=8)
+    assert (found.format, found.encoding, found.coordinate_dtype) == ("pcd", "binary", "float64")
+    assert (found.points, found.width, found.height) == (792, 99, 8)
+    assert found.size == (tmp_path / "a.pcd").stat().st_size
+    assert (found.not_finite, found.zeros, found.duplicates) == (2, 11, 4)
+    assert (found.ring_field, found.rings) == ("ring", 8)
+    usable = points[np.isfinite(points).all(1) & (points != 0).any(1)]
+    assert found.minimum == tuple(usable.min(0))
+    assert found.maximum == tuple(usable.max(0))
+    ranges = np.hypot(usable[:, 0], usable[:, 1])
+    assert found.median_range == pytest.approx(np.median(ranges))
+    assert found.max_range == pytest.approx(ranges.max())
+    distinct = np.unique(usable, axis=0)
+    gaps = np.linalg.norm(distinct[:, None] - distinct, axis=2) + np.diag([np.inf] * len(distinct))
+    assert found.spacing == pytest.approx(np.median(gaps.min(1)))
+    assert not found.large_coordinates
+    assert [field.name for field in found.fields] == ["ring", "intensity"]
+    assert (found.fields[0].minimum, found.fields[0].maximum) == (0, 7)
+    assert math.isnan(found.fields[1].minimum)
+
+
+def test_guesses_stand_apart_in_plain_json(tmp_path, room_scan):
+    fields = {"time": np.linspace(0, 0.1, 5760), "n": np.full((5760, 2), np.nan)}
+    found = _describe(tmp_path, room_scan(), fields).as_dict()
+    again = json.loads(json.dumps(found, allow_nan=False))
+    assert again == found
+    assert set(again["guesses"]) == {"sensor", "time", "settings"}
+    assert not {"sensor", "voxel_size", "method", "unit"} & set(again)
+    assert again["guesses"]["time"]["unit"] == "s"
+    assert again["fields"][1] == {
+        "name": "n",
+        "dtype": "float64",
+        "values": 2,
+        "minimum": None,
+        "maximum": None,
+    }
+
+
+def test_map_coordinates_are_found_and_an_origin_offered(tmp_path, room_scan):
+    origin = np.array([512_345.0, 5_403_210.0, 120.0])
+    near, far = room_scan(), room_scan() + origin
+    found = _describe(tmp_path, far)
+    assert found.large_coordinates
+    assert np.abs(np.array(found.origin) - origin).max() < 20
+    assert found.spacing == pytest.approx(_describe(tmp_path, near).spacing, rel=1e-4)
+    write_scan(tmp_path / "b.pcd", far.astype(np.float32))
+    assert any("float32 keeps these" in note for note in describe_scan(tmp_path / "b.pcd").notes)
+    assert _describe(tmp_path, near.astype(np.float32)).notes == ()
+
+
+def test_a_few_whole_numbers_in_a_fourth_column_look_like_labels(tmp_path, room_scan):
+    points = room_scan().astype(np.float32)
+    write_scan(tmp_path / "a.bin", points, {"intensity": np.arange(5760) % 3})
+    assert "labels rather than intensities" in describe_scan(tmp_path / "a.bin").notes[-1]
+    write_scan(tmp_path / "a.bin", points, {"intensity": np.random.default_rng(0).random(5760)})
+    assert "labels" not in " ".join(describe_scan(tmp_path / "a.bin").notes)
+
+
+def test_a_scan_without_a_usable_point_is_an_error(tmp_path):
+    points = np.zeros((5, 3))
+    points[1] = np.nan
+    with pytest.raises(FormatError, match="1 rows with NaN or Inf and 4 of zeros"):
+        _describe(tmp_path, points)
+
+
+def test_a_single_point_has_no_spacing(tmp_path):
+    found = _describe(tmp_path, np.ones((3, 3)))
+    assert (found.duplicates, math.isnan(found.spacing)) == (2, True)
+
+
+@pytest.mark.parametrize("beams", [8, 16, 32, 64])
+@pytest.mark.parametrize("order", ["ring", "column", "shuffled"])
+def test_beams_are_counted_in_any_order_of_points(room_scan, beams, order):
+    points = room_scan(beams=beams, order=order)
+    if order == "shuffled":
+        points = np.random.default_rng(0).permutation(points)
+    assert guess_sensor(points, None, 1) == f"spinning lidar, about {beams} beams in sight"
+    settings = guess_settings(points, "spinning lidar, about 16 beams in sight")
+    assert settings.method == "auto"
+    assert 20 <= settings.max_range <= 30
+
+
+def test_counted_rings_are_believed(room_scan):
+    points = room_scan()
+    assert "about 12 beams" in guess_sensor(points, 12, 1)
+    assert "about 24 beams" in guess_sensor(points, None, 24)
+    front = points[points[:, 0] > np.abs(points[:, 1])]
+    assert guess_sensor(front, 16, 1) == "lidar with about 16 beams in sight, 90 degrees wide"
+
+
+def test_a_moving_sensor_still_shows_its_beams(room_scan):
+    points = room_scan(beams=32, steps=900, order="column")
+    tilt = np.linspace(0.0, np.radians(1.0), len(points))
+    moved = points.copy()
+    moved[:, 0] = points[:, 0] * np.cos(tilt) + points[:, 2] * np.sin(tilt)
+    moved[:, 2] = points[:, 2] * np.cos(tilt) - points[:, 0] * np.sin(tilt)
+    found = guess_sensor(moved, None, 1)
+    assert found.startswith("spinning lidar, about ")
+    assert 24 <= int(found.split()[3]) <= 40
+
+
+def test_tiles_and_clouds_without_a_sensor_are_told_apart():
+    rng = np.random.default_rng(4)
+    tile = rng.random((20_000, 3)) * [200.0, 200.0, 8.0] - [100.0, 100.0, 4.0]
+    assert guess_sensor(tile, None, 1) == "airborne or map tile"
+    assert guess_settings(tile, "airborne or map tile").method == "gicp"
+    blob = rng.normal(size=(20_000, 3)) * [10.0, 10.0, 2.0]
+    assert guess_sensor(blob, None, 1).startswith("rotating scanner seen from elsewhere")
+    assert guess_sensor(rng.normal(size=(60, 3)) * 20, None, 1) == "not evident"
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "unit", "span", "clock"),
+    [
+        ("time", np.linspace(0, 0.0998, 50), "s", 0.0998, "relative"),
+        ("t", np.linspace(0, 99.8, 50), "ms", 0.0998, "relative"),
+        ("t", np.linspace(0, 99_800, 50), "us", 0.0998, "relative"),
+        ("t", np.arange(0, 10**8, 10**6), "ns", 0.099, "relative"),
+        ("t", np.arange(0, 100, dtype=np.uint16), "ms", 0.099, "relative"),
+        ("timestamp", 1.6e9 + np.linspace(0, 0.0625, 50), "s", 0.0625, "Unix time"),
+        ("timestamp", 1.6e15 + np.linspace(0, 65_536, 50), "us", 0.065536, "Unix time"),
+        ("t", 1_600_000_000 * 10**9 + np.arange(0, 10**8, 10**7), "ns", 0.09, "Unix time"),
+        ("gps_time", 2e5 + np.linspace(0, 2000, 50), "s", 2000, "relative"),
+        ("time_ns", np.linspace(0, 5e9, 50), "ns", 5, "relative"),
+        ("time", np.linspace(0, 1, 50), "fraction of the sweep", None, "relative"),
+        ("time", np.zeros(50), "unknown", None, "relative"),
+        ("time", np.full(50, np.nan), "unknown", None, "relative"),
+    ],
+)
+def test_units_of_time(name, values, unit, span, clock):
+    found = guess_time(name, values)
+    assert (found.unit, found.clock) == (unit, clock)
+    assert found.span == (span if span is None else pytest.approx(span, rel=1e-6))
+
+
+def test_the_column_of_times_is_found_by_its_name(tmp_path, room_scan):
+    values = np.linspace(0, 0.1, 5760)
+    for name in ("t", "Time", "time_offset", "scalar_GPS_Time", "time_us"):
+        assert _describe(tmp_path, room_scan(), {"a": values, name: values}).time_field == name
+    assert _describe(tmp_path, room_scan(), {"a_us": values}).time_field is None
+
+
+@pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 100.0])
+def test_voxels_follow_the_density_of_the_points(size):
+    grid = np.stack(np.meshgrid(*[np.arange(24.0)] * 2), -1).reshape(-1, 2) + 0.5
+    points = np.column_stack([grid * size, np.full(576, 0.5 * size)])
+    # Six points fill a cell of a plane three spacings wide, not one of two.
+    assert guess_settings(points, "").voxel_size == pytest.approx(3 * size)

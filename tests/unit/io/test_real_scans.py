@@ -1,0 +1,210 @@
+import struct
+
+import numpy as np
+import pytest
+
+from reference.scan_formats import read_float32, read_pcd, read_ply, read_table
+from scanlock.errors import FormatError
+from scanlock.io import (
+    describe_scan,
+    read_kitti_poses,
+    read_labels,
+    read_pose,
+    read_scan,
+    read_tum_poses,
+)
+
+pytestmark = pytest.mark.data
+
+
+def _files(folder, pattern, count):
+    found = sorted(folder.glob(pattern))
+    assert len(found) == count
+    return found
+
+
+def _stacked(columns):
+    return np.stack([columns[axis] for axis in "xyz"], axis=1)
+
+
+def test_pcd_of_eleven_sensors(scan_data):
+    for path in _files(scan_data, "formats/pcd/*.pcd", 11):
+        scan, slow = read_scan(path), read_pcd(path)
+        assert np.array_equal(scan.points, _stacked(slow), equal_nan=True)
+        assert {"x", "y", "z", *scan.fields} == set(slow)
+        for name, values in scan.fields.items():
+            assert values.dtype == slow[name].dtype
+            assert np.array_equal(values, slow[name])
+        assert scan.viewpoint is not None
+
+
+def test_ply_by_cloudcompare(scan_data):
+    for path in _files(scan_data, "hdl32_pair/*.ply", 2):
+        scan, slow = read_scan(path), read_ply(path)
+        assert np.array_equal(scan.points, _stacked(slow))
+        assert np.array_equal(scan.fields["scalar_intensity"], slow["scalar_intensity"])
+
+
+@pytest.mark.parametrize(
+    ("pattern", "count", "width", "names"),
+    [
+        ("kitti_drive_0005/**/*.bin", 60, 4, ["intensity"]),
+        ("kitti_00/velodyne/*.bin", 18, 4, ["intensity"]),
+        ("rellis_offroad/*.bin", 2, 4, ["intensity"]),
+        ("av2_pair/*.bin", 2, 4, ["intensity"]),
+        ("forest_os1/*_xyzl.bin", 4, 4, ["intensity"]),
+        ("newer_college/newer_01/*.bin", 10, 3, []),
+        ("newer_college/newer_06/*e*w*d_*.bin", 3, 3, []),
+        ("newer_college/newer_06/raw_*.bin", 3, 3, []),
+        ("handheld_balm/scans/*.bin", 40, 3, []),
+    ],
+)
+def test_the_row_length_of_raw_floats_is_found(scan_data, pattern, count, width, names):
+    paths = _files(scan_data, pattern, count)
+    for path in paths:
+        scan = read_scan(path)
+        rows = np.fromfile(path, dtype="<f4").reshape(-1, width)
+        assert np.array_equal(scan.points, rows[:, :3])
+        assert list(scan.fields) == names
+    assert np.array_equal(read_scan(paths[0]).points, read_float32(paths[0], width)[:, :3])
+
+
+@pytest.mark.parametrize(
+    ("name", "width"), [("kitti_00/velodyne/000094.bin", 4), ("handheld_balm/scans/000000.bin", 3)]
+)
+def test_raw_floats_cut_to_whole_rows_of_another_length_are_noticed(
+    scan_data, tmp_path, name, width
+):
+    data = (scan_data / name).read_bytes()
+    other = 7 - width
+    for rows in (1001, 15_001):
+        kept = 4 * other * rows
+        assert kept % (4 * width)
+        (tmp_path / "a.bin").write_bytes(data[:kept])
+        with pytest.raises(FormatError, match=f"rows of {width} float32, which the values look"):
+            read_scan(tmp_path / "a.bin")
+
+
+def test_labels_can_be_named(scan_data):
+    for path in _files(scan_data, "forest_os1/*_xyzl.bin", 4):
+        labels = read_scan(path, columns="x y z label").fields["label"]
+        assert set(np.unique(labels)) == {0.0, 1.0}
+        assert "labels rather than" in describe_scan(path).notes[-1]
+    path = scan_data / "rellis_offroad" / "000104"
+    scan = read_scan(path.with_suffix(".bin"))
+    labels = read_labels(path.with_suffix(".label"), count=len(scan))
+    assert np.array_equal(labels, np.fromfile(path.with_suffix(".label"), dtype="<u4"))
+
+
+def test_columns_of_times_are_no_scans(scan_data):
+    for path in _files(scan_data, "newer_college/newer_06/times_*.bin", 3):
+        with pytest.raises(FormatError, match="only ascend"):
+            read_scan(path)
+
+
+def test_tables_with_and_without_names(scan_data):
+    named = read_scan(scan_data / "car_cloud_pair" / "car_cloud400.csv")
+    slow = read_table(scan_data / "car_cloud_pair" / "car_cloud400.csv", ",", 1)
+    assert np.array_equal(named.points, slow[:, :3])
+    assert list(named.fields) == ["nx", "ny", "nz"]
+    assert np.array_equal(np.stack(list(named.fields.values()), axis=1), slow[:, 3:])
+    bare = read_scan(scan_data / "car_cloud_pair" / "car_cloud401.csv")
+    slow = read_table(scan_data / "car_cloud_pair" / "car_cloud401.csv", "", 0)
+    assert np.array_equal(bare.points, slow)
+    for path in _files(scan_data, "terrestrial_3dtk/*.3d", 3):
+        assert np.array_equal(read_scan(path).points, read_table(path, "", 0))
+
+
+def test_las_by_its_specification(scan_data):
+    pytest.importorskip("laspy")
+    plain, packed = (scan_data / "formats" / "las" / f"autzen_trim.{end}" for end in ("las", "laz"))
+    data = plain.read_bytes()
+    start, size = struct.unpack_from("<I", data, 96)[0], struct.unpack_from("<H", data, 105)[0]
+    rows = [struct.unpack_from("<iiiH", data, at) for at in range(start, len(data), size)]
+    scale, offset = np.array(struct.unpack_from("<6d", data, 131)).reshape(2, 3)
+    rows = np.array(rows)
+    for path in (plain, packed):
+        scan = read_scan(path)
+        assert np.abs(scan.points - (rows[:, :3] * scale + offset)).max() < 1e-9
+        assert np.array_equal(scan.fields["intensity"], rows[:, 3])
+
+
+def test_las_fills_the_box_that_its_header_promises(scan_data):
+    pytest.importorskip("laspy")
+    for path in _files(scan_data, "formats/las/*", 5):
+        box = np.array(struct.unpack_from("<6d", path.read_bytes(), 179)).reshape(3, 2)
+        points = read_scan(path).points
+        assert np.abs(points.max(axis=0) - box[:, 0]).max() < 0.011
+        assert np.abs(points.min(axis=0) - box[:, 1]).max() < 0.011
+
+
+@pytest.mark.parametrize(
+    "name", ["formats/pcd/vlp16.pcd", "hdl32_pair/source.ply", "formats/las/autzen_trim.las"]
+)
+def test_every_cut_of_a_real_file_is_noticed(scan_data, tmp_path, name):
+    pytest.importorskip("laspy")
+    data = (scan_data / name).read_bytes()
+    rng = np.random.default_rng(1)
+    ends = [*range(1, 60, 7), *rng.integers(60, len(data), 12), len(data) - 1]
+    cut = tmp_path / name.rpartition("/")[2]
+    for end in ends:
+        cut.write_bytes(data[:end])
+        with pytest.raises(FormatError):
+            read_scan(cut)
+
+
+def test_strangers_are_refused(scan_data):
+    for pattern, count in (("vtk/*.vtk", 3), ("formats/*/*.pcap", 4)):
+        for path in _files(scan_data, pattern, count):
+            with pytest.raises(FormatError, match="convert it"):
+                read_scan(path)
+    with pytest.raises(FormatError, match="poses of a trajectory"):
+        read_scan(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
+
+
+def test_poses_of_others(scan_data):
+    for path in (
+        *scan_data.glob("*/*reference_transform.txt"),
+        scan_data / "hdl32_pair" / "T_target_source.txt",
+        scan_data / "kitti_00" / "Tr_velo_to_cam0.txt",
+    ):
+        assert np.allclose(read_pose(path).matrix[:3], np.loadtxt(path)[:3], atol=1e-5)
+    for name in ("trajectories/kitti_ground_truth/04.txt", "handheld_balm/poses.txt"):
+        poses = read_kitti_poses(scan_data / name)
+        rows = np.loadtxt(scan_data / name).reshape(-1, 3, 4)
+        assert np.allclose([pose.matrix[:3] for pose in poses], rows, atol=1e-5)
+    path = scan_data / "newer_college" / "continuous" / "traj.txt"
+    times, poses = read_tum_poses(path)
+    rows = np.loadtxt(path)
+    assert np.array_equal(times, rows[:, 0])
+    assert np.array_equal([pose.translation for pose in poses], rows[:, 1:4])
+    for name in ("terrestrial_3dtk/scan000.pose", "handheld_balm/poses.txt"):
+        with pytest.raises(FormatError, match="numbers of shape"):
+            read_pose(scan_data / name)
+    with pytest.raises(FormatError, match="line 1"):
+        read_kitti_poses(scan_data / "kitti_00" / "poses_velo_gt.txt")
+
+
+@pytest.mark.parametrize(
+    ("name", "sensor"),
+    [
+        ("kitti_00/velodyne/000094.bin", "spinning lidar, about 64 beams"),
+        ("hdl32_pair/source.ply", "spinning lidar, about 32 beams"),
+        ("formats/pcd/xt16.pcd", "spinning lidar, about 16 beams"),
+        ("formats/pcd/at128.pcd", "lidar with about"),
+        ("car_cloud_pair/car_cloud400.csv", "rotating scanner seen from elsewhere"),
+        ("formats/las/Topography.laz", "airborne or map tile"),
+    ],
+)
+def test_sensors_are_guessed(scan_data, name, sensor):
+    pytest.importorskip("laspy")
+    assert describe_scan(scan_data / name).guesses.sensor.startswith(sensor)
+
+
+def test_what_is_known_of_real_scans_is_found(scan_data):
+    ouster = describe_scan(scan_data / "rellis_offroad" / "000104.bin")
+    assert (ouster.points, ouster.zeros) == (131_072, 53_364)
+    tile = describe_scan(scan_data / "hdl32_pair" / "source.ply")
+    assert tile.zeros == 5107
+    packets = describe_scan(scan_data / "formats" / "pcd" / "vlp16.pcd")
+    assert (packets.ring_field, packets.rings, packets.time_field) == ("channel", 15, "time_stamp")
