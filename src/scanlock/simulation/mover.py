@@ -1,0 +1,80 @@
+"""Objects that move: where each one is at a time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Points, Vector, frozen
+from scanlock.errors import InvalidInput, require_at_least
+from scanlock.geometry.pose import Pose
+from scanlock.simulation.surfaces import Surfaces
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mover:
+    """A rigid object that follows a path at constant speed, its x axis ahead.
+
+    Attributes
+    ----------
+    surfaces : Surfaces [m]
+        In the object's own frame: x ahead, y to the left, the path through its origin.
+    path : (k, 3) [m]
+        Corners of the path in the world. A path whose last corner is its first goes round and
+        round; on any other the object waits at the end.
+    start : float [m]
+        How far along the path the object is at time 0.
+    speed : float [m/s]
+        Never negative.
+
+    Raises
+    ------
+    InvalidInput
+        A path of fewer than two different corners, or a negative speed.
+    """
+
+    surfaces: Surfaces
+    path: Points
+    start: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        require_at_least("speed", self.speed, 0.0, unit="m/s")
+        path = np.array(self.path, np.float64)
+        if path.ndim != 2 or path.shape[1] != 3 or len(path) < 2:
+            raise InvalidInput(f"path must have shape (k, 3) with k > 1, got {path.shape}")
+        if not (np.isfinite(path).all() and (np.diff(path, axis=0) != 0).any(axis=1).all()):
+            raise InvalidInput("path must be finite, and no corner may repeat the one before")
+        frozen(path)
+        object.__setattr__(self, "path", path)
+
+    @property
+    def radius(self) -> float:
+        """How far the object reaches from its origin [m]."""
+        bounds = np.abs(self.surfaces.bounds())
+        farthest = np.maximum(bounds[:, :3], bounds[:, 3:])
+        return float(np.linalg.norm(farthest, axis=1).max(initial=0.0))
+
+    def at(self, time: float) -> tuple[Pose, Vector]:
+        """Return world_from_object and the velocity [m/s] in the world at a time [s]."""
+        pieces = np.diff(self.path, axis=0)
+        lengths = np.linalg.norm(pieces, axis=1)
+        ends = np.cumsum(lengths)
+        along = self.start + self.speed * time
+        moving = True
+        if np.array_equal(self.path[0], self.path[-1]):
+            along = along % ends[-1]
+        else:
+            moving = 0.0 <= along < ends[-1]
+            along = min(max(along, 0.0), float(ends[-1]))
+        k = min(int(np.searchsorted(ends, along, side="right")), len(pieces) - 1)
+        ahead = pieces[k] / lengths[k]
+        position = self.path[k] + (along - ends[k] + lengths[k]) * ahead
+        velocity = self.speed * ahead if moving else np.zeros(3)
+        return Pose(_upright_frame(ahead), position), velocity
+
+
+def _upright_frame(ahead: Vector) -> np.ndarray:
+    """Return the rotation with x along `ahead` and y level."""
+    level = np.hypot(ahead[0], ahead[1])
+    left = np.array([-ahead[1], ahead[0], 0.0]) / level if level > 0 else np.array([0.0, 1.0, 0.0])
+    return np.column_stack([ahead, left, np.cross(ahead, left)])

@@ -1,0 +1,22 @@
+"""What a simulated surface is."""
+
+import enum
+
+
+class SurfaceClass(enum.IntEnum):
+    """The class of a surface, and of every point that lies on it."""
+
+    GROUND = 0
+    BUILDING = 1
+    CAR = 2
+    POLE = 3
+    TRUNK = 4
+    FOLIAGE = 5
+    SHRUB = 6
+    GRASS = 7
+    KERB = 8
+    FENCE = 9
+    GAZEBO = 10
+    PERSON = 11
+    ROCK = 12
+    FURNITURE = 13

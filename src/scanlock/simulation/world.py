@@ -1,0 +1,193 @@
+"""A world of surfaces, ground and moving objects, and what rays meet in it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
+from scanlock.errors import InvalidInput, require_positive
+from scanlock.kernels.ray_casting import NOTHING, cast_at_movers, cast_rays
+from scanlock.kernels.ray_ground import cast_at_ground
+from scanlock.kernels.ray_tree import box_tree
+from scanlock.simulation.height_field import HeightField
+from scanlock.simulation.mover import Mover
+from scanlock.simulation.surface_class import SurfaceClass
+from scanlock.simulation.surfaces import Surfaces
+
+GROUND_OBJECT = 0
+"""The object number of the height field."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RayHits:
+    """What each of n rays met first.
+
+    Attributes
+    ----------
+    distances : (n,) [m]
+        Infinite where a ray met nothing.
+    cosines : (n,)
+        Between ray and surface normal, in [0, 1]; 0 where a ray met nothing.
+    labels, objects : (n,)
+        `SurfaceClass` and object number; -1 where a ray met nothing.
+    losses : (n,)
+        The share of pulses that the surface swallows.
+    """
+
+    distances: Vector
+    cosines: Vector
+    labels: Labels
+    objects: Labels
+    losses: Vector
+
+    def __post_init__(self) -> None:
+        for array in (self.distances, self.cosines, self.labels, self.objects, self.losses):
+            frozen(array)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """Everything that a sensor can see. Build one with `World.of`.
+
+    Attributes
+    ----------
+    surfaces : Surfaces
+        What stands still, in the order of the tree over it.
+    ground : HeightField or None
+        The terrain; its points are `SurfaceClass.GROUND` of object 0.
+    movers : tuple of Mover
+        What moves.
+    """
+
+    surfaces: Surfaces
+    ground: HeightField | None
+    movers: tuple[Mover, ...]
+    _node_bounds: Matrix
+    _node_link: Labels
+    _node_count: Labels
+
+    @classmethod
+    def of(
+        cls,
+        surfaces: Surfaces | Iterable[Surfaces] = (),
+        ground: HeightField | None = None,
+        movers: Iterable[Mover] = (),
+    ) -> "World":
+        """Return the world of some standing surfaces, a ground and moving objects."""
+        if not isinstance(surfaces, Surfaces):
+            surfaces = Surfaces.joined(surfaces)
+        order, bounds, link, count = box_tree(read_only(surfaces.bounds()))
+        return cls(
+            surfaces.taken(order),
+            ground,
+            tuple(movers),
+            read_only(bounds),
+            read_only(link),
+            read_only(count),
+        )
+
+    def cast(
+        self, origins: Points, directions: Points, time: float, delays: Vector, reach: float
+    ) -> RayHits:
+        """Return what (n, 3) rays meet first within `reach` [m].
+
+        Parameters
+        ----------
+        origins, directions : (n, 3) [m]
+            Directions are unit vectors.
+        time : float [s]
+            When the moving objects are looked up; each keeps its velocity over all delays.
+        delays : (n,) [s]
+            When each ray is fired, after `time`; negative before it.
+        reach : float [m]
+            How far rays look.
+
+        Raises
+        ------
+        InvalidInput
+            Shapes that do not go together, or a reach that is not positive.
+        """
+        require_positive("reach", reach, unit="m")
+        n = len(origins)
+        if origins.shape != (n, 3) or directions.shape != (n, 3) or delays.shape != (n,):
+            raise InvalidInput(
+                "origins and directions must have shape (n, 3) and delays (n,), got "
+                f"{origins.shape}, {directions.shape} and {delays.shape}"
+            )
+        origins, directions, delays = (
+            read_only(np.asarray(array, np.float64)) for array in (origins, directions, delays)
+        )
+        distances, cosines = self._at_ground(origins, directions, np.full(n, reach))
+        met = np.isfinite(distances)
+        labels = np.where(met, int(SurfaceClass.GROUND), NOTHING)
+        objects = np.where(met, GROUND_OBJECT, NOTHING)
+        losses = np.zeros(n)
+
+        def keep_nearer(cast: tuple[Vector, Vector, Labels], surfaces: Surfaces) -> None:
+            nearer = np.flatnonzero(cast[2] != NOTHING)
+            rows = cast[2][nearer]
+            distances[nearer], cosines[nearer] = cast[0][nearer], cast[1][nearer]
+            labels[nearer], objects[nearer] = surfaces.labels[rows], surfaces.objects[rows]
+            losses[nearer] = surfaces.losses[rows]
+
+        limits = read_only(np.minimum(distances, reach))
+        keep_nearer(
+            cast_rays(
+                origins,
+                directions,
+                limits,
+                self.surfaces.kinds,
+                self.surfaces.rows,
+                self._node_bounds,
+                self._node_link,
+                self._node_count,
+            ),
+            self.surfaces,
+        )
+        if self.movers:
+            surfaces, first, frames = self._movers_at(time)
+            limits = read_only(np.minimum(distances, reach))
+            keep_nearer(
+                cast_at_movers(
+                    origins,
+                    directions,
+                    delays,
+                    limits,
+                    surfaces.kinds,
+                    surfaces.rows,
+                    first,
+                    frames,
+                ),
+                surfaces,
+            )
+        return RayHits(distances, cosines, labels, objects, losses)
+
+    def _at_ground(
+        self, origins: Points, directions: Points, limits: Vector
+    ) -> tuple[Vector, Vector]:
+        if self.ground is None:
+            return np.full(len(origins), np.inf), np.zeros(len(origins))
+        return cast_at_ground(
+            origins,
+            directions,
+            read_only(limits),
+            self.ground.heights,
+            self.ground.tops,
+            self.ground.corner,
+            self.ground.cell,
+        )
+
+    def _movers_at(self, time: float) -> tuple[Surfaces, Labels, Matrix]:
+        """Return surfaces, first rows and frames of the movers, as the kernel takes them."""
+        first = np.zeros(len(self.movers) + 1, np.int64)
+        first[1:] = np.cumsum([len(mover.surfaces) for mover in self.movers])
+        frames = np.empty((len(self.movers), 16))
+        for row, mover in zip(frames, self.movers, strict=True):
+            pose, velocity = mover.at(time)
+            row[:3] = pose.translation
+            row[3:12] = pose.rotation.T.ravel()
+            row[12:15] = velocity
+            row[15] = mover.radius
+        surfaces = Surfaces.joined(mover.surfaces for mover in self.movers)
+        return surfaces, read_only(first), read_only(frames)
