@@ -1,0 +1,92 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from scanlock.errors import InvalidInput
+from scanlock.simulation.sensors import SENSORS, hdl_32e, hdl_64e, os1_64
+
+
+def test_the_hdl_64e_has_two_blocks_of_beams():
+    degrees = np.degrees(hdl_64e().elevations)
+    assert (degrees[0], degrees[-1]) == pytest.approx((2.0, -24.8))
+    upper, lower = -np.diff(degrees[:32]), -np.diff(degrees[32:])
+    assert upper.mean() == pytest.approx(1 / 3, abs=0.01)
+    assert lower.mean() == pytest.approx(0.515, abs=0.01)
+    assert upper.min() > 0.2
+    # Uneven, as calibrated, yet always the same.
+    assert np.ptp(upper) > 0.05
+    assert hdl_64e() == hdl_64e()
+
+
+@pytest.mark.parametrize(
+    ("sensor", "beams", "top", "bottom"),
+    [(hdl_32e(), 32, 10.67, -30.67), (os1_64(), 64, 16.6, -16.6)],
+)
+def test_evenly_spaced_sensors_span_their_field_of_view(sensor, beams, top, bottom):
+    degrees = np.degrees(sensor.elevations)
+    np.testing.assert_allclose(degrees, np.linspace(top, bottom, beams), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(SENSORS))
+def test_a_sweep_is_one_clockwise_turn_that_begins_behind(name):
+    sensor = SENSORS[name]()
+    assert sensor.name == name
+    beams = sensor.directions().reshape(sensor.azimuth_steps, sensor.beams, 3)
+    np.testing.assert_allclose(np.linalg.norm(beams, axis=2), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.arcsin(beams[..., 2]), np.broadcast_to(sensor.elevations, beams.shape[:2]), atol=1e-12
+    )
+    azimuth = np.arctan2(beams[..., 1], beams[..., 0]) - np.array(sensor.azimuth_offsets)
+    steps = np.diff(np.unwrap(azimuth, axis=0), axis=0)
+    np.testing.assert_allclose(steps, -2 * np.pi / sensor.azimuth_steps, atol=1e-9)
+    np.testing.assert_allclose(np.cos(azimuth[0]), -1.0, atol=1e-12)
+    times = sensor.firing_times()
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(sensor.period * (1 - 1 / sensor.azimuth_steps))
+    np.testing.assert_allclose(np.cos(azimuth[sensor.azimuth_steps // 2]), 1.0, atol=1e-5)
+
+
+def test_returns_are_lost_far_away_at_grazing_incidence_and_too_near():
+    sensor = dataclasses.replace(hdl_64e(), dropout=0.0)
+    ranges = np.linspace(1.0, 130.0, 400)
+    facing = sensor.detection(ranges, np.ones(400))
+    grazing = sensor.detection(ranges, np.full(400, 0.03))
+    assert (np.diff(facing) <= 0).all()
+    assert (grazing <= facing).all()
+    assert facing[ranges < 100].min() == 1.0
+    assert facing[ranges > 120.0].max() == 0.0
+    # Pavement under a car is seen to about 50 m.
+    pavement = sensor.detection(ranges, np.minimum(1.73 / ranges, 1.0))
+    half = ranges[np.argmax((pavement < 0.5) & (ranges > 2))]
+    assert 45.0 < half < 57.0
+    assert sensor.detection(np.array([0.5]), np.ones(1))[0] == 0.0
+    nothing = sensor.detection(np.array([np.inf]), np.zeros(1))
+    assert nothing[0] == 0.0
+
+
+def test_without_fading_the_reach_is_sharp():
+    sensor = dataclasses.replace(os1_64(), fading=0.0, dropout=0.25, grazing=1.0)
+    chances = sensor.detection(np.array([59.0, 61.0]), np.array([0.5, 0.5]))
+    assert chances.tolist() == [0.75, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"elevations": ()}, "one entry a beam, got 0 and 64"),
+        ({"azimuth_offsets": (0.0,)}, "one entry a beam, got 64 and 1"),
+        ({"elevations": (np.nan,) * 64}, "must be finite"),
+        ({"azimuth_steps": 0}, "azimuth_steps must be a whole number"),
+        ({"rate": 0.0}, "rate must be positive, got 0.0 Hz"),
+        ({"min_range": -1.0}, "min_range must be at least 0.0 m"),
+        ({"max_range": 0.5}, "max_range must exceed min_range, got 0.5 <= 0.9 m"),
+        ({"range_noise": -0.1}, "range_noise must be at least"),
+        ({"grazing": -0.1}, "grazing must be at least"),
+        ({"fading": 2.0}, "fading must lie between 0 and 1"),
+        ({"dropout": -0.1}, "dropout must lie between 0 and 1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(change, message):
+    with pytest.raises(InvalidInput, match=message):
+        dataclasses.replace(hdl_64e(), **change)
