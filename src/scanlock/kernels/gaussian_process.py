@@ -136,6 +136,7 @@ def grow_sector(
 def lend_heights(
     starts: Labels,
     ranges: Vector,
+    heights: Vector,
     mean: Vector,
     variance: Vector,
     variance_limit: float,
@@ -151,13 +152,13 @@ def lend_heights(
     On either side the nearest of `reach` sectors with a certain model within `gap` of the range
     lends; `slope` is the standard deviation of the ground's slope across sectors, so a height
     lent over the distance a is worth ``slope**2 a**2`` less. Two lenders are averaged by their
-    variances.
+    variances. Prototypes without a height get nothing.
     """
     sectors = starts.shape[0] - 1
     for s in range(sectors):
         changed[s] = False
         for i in range(starts[s], starts[s + 1]):
-            if variance[i] < variance_limit:
+            if variance[i] < variance_limit or math.isnan(heights[i]):
                 continue
             weights = 0.0
             weighted = 0.0
@@ -167,10 +168,12 @@ def lend_heights(
                     best = -1
                     nearest = gap
                     for j in range(starts[t], starts[t + 1]):
-                        distance = abs(ranges[j] - ranges[i])
-                        if variance[j] < variance_limit and distance < nearest:
+                        outwards = ranges[j] - ranges[i]
+                        if outwards >= gap:
+                            break
+                        if variance[j] < variance_limit and abs(outwards) < nearest:
                             best = j
-                            nearest = distance
+                            nearest = abs(outwards)
                     if best >= 0:
                         arc = ranges[i] * step * 2.0 * math.pi / sectors
                         across = arc * arc + nearest * nearest
@@ -228,7 +231,7 @@ def grow_sectors(
     for turn in range(rounds + 1):
         if turn > 0:
             lend_heights(
-                starts, ranges, mean, variance, variance_limit, reach, slope, gap,
+                starts, ranges, heights, mean, variance, variance_limit, reach, slope, gap,
                 lent_heights, lent_noise, changed,
             )  # fmt: skip
         for s in range(sectors):

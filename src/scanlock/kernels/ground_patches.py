@@ -13,97 +13,6 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def is_supported(
-    i: int,
-    x: Vector,
-    y: Vector,
-    z: Vector,
-    point_of_cell: Labels,
-    cell: int,
-    bins: int,
-    steepest: float,
-    support: int,
-) -> bool:
-    """Tell whether `support` low points around one could be ground together with it.
-
-    Of the low points in the 5 x 5 polar cells around it, those support it that are at most
-    `steepest` times their distance higher; nothing supports a stray reflection below ground.
-    """
-    sectors = point_of_cell.shape[0] // bins
-    own_sector = cell // bins
-    own_bin = cell % bins
-    found = 0
-    for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
-        for across in range(sectors - 2, sectors + 3):
-            j = point_of_cell[(own_sector + across) % sectors * bins + k]
-            if j < 0 or j == i:
-                continue
-            dx = x[i] - x[j]
-            dy = y[i] - y[j]
-            if z[j] < z[i] + steepest * math.sqrt(dx * dx + dy * dy):
-                found += 1
-                if found == support:
-                    return True
-    return False
-
-
-@kernel
-def lower_envelope(
-    x: Vector,
-    y: Vector,
-    z: Vector,
-    cells: Labels,
-    sectors: int,
-    bins: int,
-    steepest: float,
-    support: int,
-) -> Vector:
-    """Return at each low point the height of the lowest cone over the supported low points.
-
-    A cone rises from each with the slope `steepest`; ground that is nowhere steeper lies on the
-    envelope of the cones, and what stands on visible ground lies above it. The low points lie
-    one to a polar cell; each passes the foot of its lowest cone on to the next occupied cell,
-    outwards, inwards and around both ways, twice. Low points with fewer than `support`
-    supporters have no cone.
-    """
-    n = x.shape[0]
-    point_of_cell = np.full(sectors * bins, -1, np.int64)
-    for i in range(n):
-        point_of_cell[cells[i]] = i
-    foot = np.full(n, -1, np.int64)
-    envelope = np.full(n, math.inf, np.float64)
-    for i in range(n):
-        if is_supported(i, x, y, z, point_of_cell, cells[i], bins, steepest, support):
-            foot[i] = i
-            envelope[i] = z[i]
-    for sweep in range(8):
-        along = sweep % 4 < 2
-        lanes = sectors if along else bins
-        # Around a ring one lap and a half, so that the seam is no border.
-        steps = bins if along else sectors + sectors // 2
-        for lane in range(lanes):
-            f = -1
-            for k in range(steps):
-                step = k if sweep % 2 == 0 else steps - 1 - k
-                if not along and step >= sectors:
-                    step -= sectors
-                cell = lane * bins + step if along else step * bins + lane
-                i = point_of_cell[cell]
-                if i < 0:
-                    continue
-                if f >= 0:
-                    dx = x[i] - x[f]
-                    dy = y[i] - y[f]
-                    height = z[f] + steepest * math.sqrt(dx * dx + dy * dy)
-                    if height < envelope[i]:
-                        envelope[i] = height
-                        foot[i] = f
-                if foot[i] >= 0:
-                    f = foot[i]
-    return envelope
-
-
-@kernel
 def fit_patch(
     members: Labels,
     x: Vector,
@@ -250,18 +159,39 @@ def widen_gates(
 
 
 @kernel
-def inner_height(
-    p: int, patches: Matrix, accepted: Mask, patch_sectors: int, rings: int
-) -> tuple[float, float]:
-    """Return the height of the next accepted patch inwards and its distance; NaN for none."""
+def is_sunken(
+    p: int,
+    members: Labels,
+    z: Vector,
+    patches: Matrix,
+    accepted: Mask,
+    patch_sectors: int,
+    rings: int,
+    gate: float,
+    prior: Vector,
+) -> bool:
+    """Tell whether a patch may be ground at a lower level than the next accepted one inwards.
+
+    It must lie lower by more than `gate`, and by less than the distance between the two. Its
+    mean height is written to `prior`.
+    """
+    mean = 0.0
+    for m in range(members.shape[0]):
+        mean += z[members[m]] / members.shape[0]
+    prior[0] = mean
+    prior[1] = 0.0
+    prior[2] = 0.0
+    prior[3] = patches[p, 3]
+    prior[4] = patches[p, 4]
     for ring in range(p % rings - 1, -1, -1):
         for across in (0, -1, 1):
             q = ((p // rings + across) % patch_sectors) * rings + ring
             if accepted[q]:
                 dx = patches[p, 3] - patches[q, 3]
                 dy = patches[p, 4] - patches[q, 4]
-                return patches[q, 0], math.hypot(dx, dy)
-    return math.nan, math.nan
+                drop = patches[q, 0] - mean
+                return drop > gate and drop < math.sqrt(dx * dx + dy * dy)
+    return False
 
 
 @kernel
@@ -285,18 +215,17 @@ def grow_patches(
 
     Patch p has the low points ``members[first[p]:first[p + 1]]``, of `occupied[p]` cells in all.
     It joins when at least half of its low points and two of them lie within `gate` of a plane
-    near the one its neighbours predict, rough to `roughness` at most. To leave the prediction
-    it needs more: six points, in six tenths of its cells. When growth ends, flat patches that
-    lie lower than the next ground inwards join, and growth goes on: beyond an edge the ground
-    may go on at a lower level, and nothing lies beneath it.
+    near the one its neighbours predict, rough to `roughness` at most. To leave the prediction it
+    needs more: six points, in six tenths of its cells, rough to seven tenths of that. When
+    growth ends, flat patches that lie lower than the next ground inwards join, and growth goes
+    on: beyond an edge the ground may go on at a lower level, and nothing lies beneath it.
     """
     patch_count = first.shape[0] - 1
     patches = np.zeros((patch_count, 6), np.float64)
     for p in range(patch_count):
-        n = first[p + 1] - first[p]
         for m in range(first[p], first[p + 1]):
-            patches[p, 3] += x[members[m]] / n
-            patches[p, 4] += y[members[m]] / n
+            patches[p, 3] += x[members[m]] / (first[p + 1] - first[p])
+            patches[p, 4] += y[members[m]] / (first[p + 1] - first[p])
     accepted = np.zeros(patch_count, np.bool_)
     joining = np.zeros(patch_count, np.bool_)
     gates = np.full(x.shape[0], gate, np.float64)
@@ -315,18 +244,14 @@ def grow_patches(
             if sweep == 0:
                 if not start[p]:
                     continue
-                prior[:3] = 0.0
-                prior[3:5] = patches[p, 3:5]
+                prior[:] = patches[p]
             elif sinking:
-                level, away = inner_height(p, patches, accepted, patch_sectors, rings)
-                prior[:3] = 0.0
-                prior[3:5] = patches[p, 3:5]
-                for m in range(n):
-                    prior[0] += z[own[m]] / n
-                    gates[own[m]] = 1e9
-                drop = level - prior[0]
-                if n < 6 or not (drop > gate and drop < away):
+                if n < 6 or not is_sunken(
+                    p, own, z, patches, accepted, patch_sectors, rings, gate, prior
+                ):
                     continue
+                # No prediction: all of its points are near, and its own mean hardly counts.
+                gates[own] = 1e9
                 weight = 1e-3
             elif predict_patch(p, patches, accepted, patch_sectors, rings, prior):
                 widen_gates(
@@ -347,8 +272,7 @@ def grow_patches(
             patches[p, 5] = fitted[5]
             joining[p] = True
             joined += 1
-        for p in range(patch_count):
-            accepted[p] |= joining[p]
+        accepted |= joining
         if joined == 0 and sinking:
             return patches, accepted
         # Lower levels are looked for each time growth along the ground has ended.

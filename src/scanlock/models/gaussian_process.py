@@ -111,7 +111,8 @@ class GaussianProcess:
             float(variance_limit),
             float(residual_limit),
             int(lending.rounds),
-            int(lending.reach),
+            # Farther would be nearer the other way round.
+            min(int(lending.reach), (len(starts) - 2) // 2),
             float(lending.slope_deviation),
             float(lending.gap),
         )

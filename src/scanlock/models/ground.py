@@ -4,14 +4,13 @@ Polar prototypes, a base plane through them, one Gaussian process per sector abo
 grown by incremental sample consensus (INSAC), and a decision for every point.
 """
 
-import enum
 import math
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from scanlock.arrays import Mask, Points, Vector, frozen, read_only
+from scanlock.arrays import Matrix, Points, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
@@ -20,9 +19,11 @@ from scanlock.kernels.ground import split_by_height, turned_points
 from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import fit_base_surface
 from scanlock.models.ground_model import BLUNT_LIMIT, heights_above_model, modelled_heights
-from scanlock.models.ground_plane import fit_base_plane
+from scanlock.models.ground_plane import BasePlane, fit_base_plane
 from scanlock.models.ground_prototypes import Prototypes
 from scanlock.models.ground_published import published_heights
+from scanlock.models.ground_result import Ground as Ground
+from scanlock.models.ground_result import GroundStatus as GroundStatus
 
 _LEAST_PROTOTYPES = 10
 """Fewer low points on the base plane are no evidence of a ground (ours)."""
@@ -33,72 +34,6 @@ wall is a line, a step of a stair a narrow strip."""
 
 _FIRM_SUPPORT = 0.2
 """Share of the lowest points on the base plane from which its tilt is believed (ours)."""
-
-_NO_PLANE = np.array([0.0, 0.0, 1.0, math.nan])
-
-
-class GroundStatus(enum.Enum):
-    """Whether there is a ground to speak of."""
-
-    FOUND = "found"
-    """A ground, and the z axis of the cloud is its upward normal to a few degrees."""
-
-    TILTED = "tilted"
-    """A ground just as trusted, found after turning the cloud upright: z is not up."""
-
-    NONE = "none"
-    """No believable ground; no point is called ground."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ground:
-    """What is ground in a cloud, and where the ground lies.
-
-    Attributes
-    ----------
-    is_ground : (n,)
-        One answer for each row of ``cloud.points``.
-    is_below : (n,)
-        Points clearly beneath the modelled ground: reflections, or a lower level. Never ground.
-    height : (n,) [m]
-        Height above the modelled ground; NaN where nothing is modelled.
-    status : GroundStatus
-        Whether a ground was found.
-    reason : str
-        One sentence that says why.
-    plane : (4,)
-        The base plane: ``plane[:3] @ p + plane[3]`` is the height of p above it [m].
-        ``plane[3]`` is NaN without ground.
-    sensor_height : float [m]
-        Height of the origin of the cloud's frame above the base plane; NaN without ground, and
-        where the cloud was recentred, so that its origin is no sensor.
-    sectors : int
-        Sectors with ground of their own, not lent by neighbours.
-    """
-
-    is_ground: Mask
-    is_below: Mask
-    height: Vector
-    status: GroundStatus
-    reason: str
-    plane: Vector
-    sensor_height: float
-    sectors: int
-
-    def __post_init__(self) -> None:
-        for array in (self.is_ground, self.is_below, self.height, self.plane):
-            frozen(array)
-
-    @property
-    def up(self) -> Vector:
-        """(3,) unit normal of the base plane in the frame of the cloud; z without ground."""
-        return self.plane[:3]
-
-    @property
-    def tilt(self) -> float:
-        """Angle between `up` and the z axis [rad]."""
-        x, y, z = self.up
-        return math.atan2(math.hypot(x, y), z)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -159,7 +94,7 @@ class GroundFinder:
     min_support: float = 0.1
     """Share of the prototypes that must be ground (ours)."""
 
-    min_sharpness: float = 0.55
+    min_sharpness: float = 0.6
     """Share of the points within three `height_limit` of the ground that must lie within one
     (ours): a ground is a surface, while walls, leaves and noise go on above it."""
 
@@ -213,24 +148,20 @@ class GroundFinder:
         """
         if self.form == "published":
             return self._find_published(cloud)
-        points, rotation = cloud.points, np.eye(3)
-        prototypes = Prototypes.of(points, self.grid, self.min_points)
-        plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
-        # The second turn mends what prototypes taken in a tilted frame got wrong.
-        for _ in range(2):
-            if plane is None or plane.tilt <= self.level_tilt or plane.support < _FIRM_SUPPORT:
-                break
-            upright = rotation_onto_z(plane.normal)
-            points = turned_points(read_only(points), read_only(upright))
-            rotation = upright @ rotation
-            prototypes = Prototypes.of(points, self.grid, self.min_points)
-            plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        points, rotation, prototypes, plane = self._upright(cloud.points)
+        if len(prototypes.points) < _LEAST_PROTOTYPES:
+            return Ground.none(
+                len(cloud),
+                f"only {len(prototypes.points)} cells within {self.grid.max_range:g} m of the "
+                "origin hold points",
+            )
         if plane is None:
-            return _no_ground(cloud, "no plane fits the lowest points")
+            return Ground.none(len(cloud), "no plane fits the lowest points")
         up = rotation.T @ plane.normal
-        if _tilt(up) > self.max_tilt:
-            return _no_ground(
-                cloud, f"the lowest points lie in a plane {math.degrees(_tilt(up)):.0f} deg off z"
+        tilt = math.atan2(math.hypot(up[0], up[1]), up[2])
+        if tilt > self.max_tilt:
+            return Ground.none(
+                len(cloud), f"the lowest points lie in a plane {math.degrees(tilt):.0f} deg off z"
             )
         base = fit_base_surface(points, prototypes, plane, self.grid)
         accepted, modelled = modelled_heights(
@@ -250,43 +181,54 @@ class GroundFinder:
         is_ground, is_below, near, close = split_by_height(
             read_only(height), prototypes.cell_of_point, read_only(limits), self.height_limit
         )
-        doubt = self._doubt_about(prototypes.points[accepted], len(accepted)) or self._blur(
-            close, near
-        )
+        doubt = self._doubt_about(prototypes.points[accepted], len(accepted), close, near)
         if doubt:
-            return _no_ground(cloud, doubt)
-        tilted = _tilt(up) > self.level_tilt
+            return Ground.none(len(cloud), doubt)
+        tilted = tilt > self.level_tilt
         return Ground(
             is_ground=is_ground,
             is_below=is_below,
             height=height,
             status=GroundStatus.TILTED if tilted else GroundStatus.FOUND,
             reason=f"{accepted.mean():.0%} of the lowest points of all cells are ground"
-            + (f", {math.degrees(_tilt(up)):.0f} degrees off the z axis" if tilted else ""),
+            + (f", {math.degrees(tilt):.0f} degrees off the z axis" if tilted else ""),
             plane=np.append(up, plane.offset),
             sensor_height=math.nan if cloud.origin.any() else plane.offset,
             sectors=prototypes.sectors_of(accepted),
         )
 
-    def _doubt_about(self, ground: Points, prototypes: int) -> str:
-        """Return why so many ground prototypes are no ground; empty if they may be one."""
-        share = len(ground) / max(prototypes, 1)
-        if len(ground) < _LEAST_PROTOTYPES or share < self.min_support:
+    def _upright(self, points: Points) -> tuple[Points, Matrix, Prototypes, BasePlane | None]:
+        """Return the points with their ground level, how they were turned, and what it shows."""
+        rotation = np.eye(3)
+        prototypes = Prototypes.of(points, self.grid, self.min_points)
+        plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        # The second turn mends what prototypes taken in a tilted frame got wrong.
+        for _ in range(2):
+            if plane is None or plane.tilt <= self.level_tilt or plane.support < _FIRM_SUPPORT:
+                break
+            turn = rotation_onto_z(plane.normal)
+            points, rotation = turned_points(read_only(points), read_only(turn)), turn @ rotation
+            prototypes = Prototypes.of(points, self.grid, self.min_points)
+            plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        return points, rotation, prototypes, plane
+
+    def _doubt_about(self, ground: Points, prototypes: int, close: int, near: int) -> str:
+        """Return why these ground prototypes are no ground; empty if nothing speaks against it.
+
+        Of `near` points within three limits of the model, `close` lie within one.
+        """
+        if len(ground) < max(_LEAST_PROTOTYPES, self.min_support * prototypes):
             return f"only {len(ground)} of the {prototypes} lowest points lie on a common surface"
-        breadth = math.sqrt(max(np.linalg.eigvalsh(np.cov(ground[:, :2].T))[0], 0.0))
+        level = ground[:, :2] - ground[:, :2].mean(axis=0)
+        breadth = math.sqrt(max(np.linalg.eigvalsh(level.T @ level)[0], 0.0) / len(ground))
         if breadth < _LEAST_BREADTH:
             return f"the lowest points lie along a line, {breadth:.2f} m wide"
+        if close < self.min_sharpness * near:
+            return (
+                f"only {close / near:.0%} of the points near the modelled ground lie on it; it "
+                "is no surface"
+            )
         return ""
-
-    def _blur(self, on_ground: int, near: int) -> str:
-        """Return why the points near the ground are no surface; empty if they are one."""
-        sharpness = on_ground / max(near, 1)
-        if sharpness >= self.min_sharpness:
-            return ""
-        return (
-            f"only {sharpness:.0%} of the points near the modelled ground lie on it; "
-            "it is no surface"
-        )
 
     def _find_published(self, cloud: PointCloud) -> Ground:
         prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
@@ -301,7 +243,7 @@ class GroundFinder:
             seed_count=self.seed_count,
         )
         if sectors == 0:
-            return _no_ground(cloud, "no sector has two prototypes to start from")
+            return Ground.none(len(cloud), "no sector has two prototypes to start from")
         limits = read_only(np.full(len(prototypes.lowest), self.height_limit))
         is_ground, is_below, _, _ = split_by_height(
             read_only(height), prototypes.cell_of_point, limits, self.height_limit
@@ -312,25 +254,7 @@ class GroundFinder:
             height=height,
             status=GroundStatus.FOUND,
             reason=f"{sectors} sectors have prototypes to start from, believed as published",
-            plane=_NO_PLANE,
+            plane=np.array([0.0, 0.0, 1.0, math.nan]),
             sensor_height=math.nan,
             sectors=sectors,
         )
-
-
-def _tilt(normal: Vector) -> float:
-    return math.atan2(math.hypot(normal[0], normal[1]), normal[2])
-
-
-def _no_ground(cloud: PointCloud, reason: str) -> Ground:
-    n = len(cloud)
-    return Ground(
-        is_ground=np.zeros(n, dtype=np.bool_),
-        is_below=np.zeros(n, dtype=np.bool_),
-        height=np.full(n, np.nan),
-        status=GroundStatus.NONE,
-        reason=reason,
-        plane=_NO_PLANE.copy(),
-        sensor_height=math.nan,
-        sectors=0,
-    )

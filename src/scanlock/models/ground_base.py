@@ -11,7 +11,8 @@ import numpy as np
 from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels.ground import count_low_points
-from scanlock.kernels.ground_patches import grow_patches, heights_of_patches, lower_envelope
+from scanlock.kernels.ground_envelope import lower_envelope
+from scanlock.kernels.ground_patches import grow_patches, heights_of_patches
 from scanlock.models.ground_plane import BasePlane
 from scanlock.models.ground_prototypes import Prototypes
 
