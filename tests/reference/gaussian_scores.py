@@ -11,7 +11,7 @@ def window(s, start, end):
 
 def rho(s, sharpness=1.0, start=16.0, end=25.0):
     """Likelihood of one pair at squared Mahalanobis distance s, cut by the window."""
-    return np.exp(-0.5 * sharpness * s) * window(s, start, end)
+    return np.exp(-0.5 * sharpness * s) * window(sharpness * s, start, end)
 
 
 def d2d_squared(pose, target_means, target_covariances, source_means, source_covariances):

@@ -6,10 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector
-from scanlock.errors import require_positive
+from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.d2d import d2d_terms
-from scanlock.kernels.p2d import p2d_terms, tile_lists
+from scanlock.kernels.terms import d2d_terms, p2d_terms, tile_lists
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 
@@ -33,15 +32,29 @@ class ScoreShape:
     """1 in the paper; smaller values widen the basin (0.05 in Stoyanov's published code)."""
 
     window_start: float = 16.0
-    """Squared distance where the window begins to fall: what is cut weighs under e^-8."""
+    """Squared distance, times the sharpness, where the window begins to fall; what is cut
+    weighs under e^-8."""
 
     window_end: float = 25.0
-    """Squared distance from which a pair counts nothing."""
+    """Squared distance, times the sharpness, from which a pair counts nothing."""
 
     def __post_init__(self) -> None:
         require_positive("sharpness", self.sharpness)
         require_positive("window_start", self.window_start)
-        require_positive("window_end", self.window_end - self.window_start)
+        if not self.window_end > self.window_start:
+            raise InvalidInput(
+                f"window_end must be above window_start = {self.window_start}, "
+                f"got {self.window_end}"
+            )
+
+    @property
+    def parameters(self) -> tuple[float, float, float]:
+        """Sharpness, and the squared distances where the window begins and ends."""
+        return (
+            self.sharpness,
+            self.window_start / self.sharpness,
+            self.window_end / self.sharpness,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -57,7 +70,7 @@ class GaussiansToGaussians:
     shape: ScoreShape = field(default_factory=ScoreShape)
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessians at `pose`."""
+        """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(
             d2d_terms(
                 self.target.means,
@@ -70,9 +83,7 @@ class GaussiansToGaussians:
                 self.source.weights,
                 pose.rotation,
                 pose.translation,
-                self.shape.sharpness,
-                self.shape.window_start,
-                self.shape.window_end,
+                *self.shape.parameters,
             )
         )
 
@@ -90,7 +101,7 @@ class PointsToGaussians:
     shape: ScoreShape = field(default_factory=ScoreShape)
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessians at `pose`."""
+        """Return value, gradient and Hessian at `pose`."""
         terms = p2d_terms(
             self.points,
             self.target.means,
@@ -98,16 +109,15 @@ class PointsToGaussians:
             *self._tiles,
             pose.rotation,
             pose.translation,
-            self.shape.sharpness,
-            self.shape.window_start,
-            self.shape.window_end,
+            *self.shape.parameters,
         )
         return Quadratic.from_terms(terms / len(self.points))
 
     @cached_property
     def _tiles(self) -> tuple[Labels, Labels, Vector, float, int, int]:
         """Lists of the Gaussians that can meet a point of each tile of the plane."""
-        radii = np.sqrt(self.shape.window_end * self.target.widths)
+        _, _, window_end = self.shape.parameters
+        radii = np.sqrt(window_end * self.target.widths)
         low = (self.target.means[:, :2] - radii[:, None]).min(axis=0)
         high = (self.target.means[:, :2] + radii[:, None]).max(axis=0)
         width = max(_TILE_WIDTH, float((high - low).max()) / _MOST_TILES_A_SIDE)

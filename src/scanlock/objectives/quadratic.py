@@ -22,26 +22,23 @@ class Quadratic:
     gradient : (6,)
     hessian : (6, 6)
         Exact; indefinite away from a minimum.
-    convex_hessian : (6, 6)
-        The positive semidefinite part of it (Gauss-Newton).
     """
 
     value: float
     gradient: Vector
     hessian: Matrix
-    convex_hessian: Matrix
 
     @classmethod
     def from_terms(cls, terms: Vector) -> "Quadratic":
-        """Return the quadratic of a kernel's 49 sums: 1, 6, 21 and 21 numbers."""
-        return cls(float(terms[0]), terms[1:7], _symmetric(terms[7:28]), _symmetric(terms[28:49]))
+        """Return the quadratic of a kernel's 28 sums: 1, 6 and 21 numbers."""
+        return cls(float(terms[0]), terms[1:7], _symmetric(terms[7:]))
 
 
 class Objective(Protocol):
     """Anything that can be linearised at a pose."""
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessians at `pose` (target from source)."""
+        """Return value, gradient and Hessian at `pose` (target from source)."""
         ...
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from scanlock.arrays import Matrix, Vector
-from scanlock.errors import require_positive
+from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective, Quadratic
 from scanlock.solvers.stopping import Stopping, StopReason
@@ -76,14 +76,19 @@ class Newton:
         require_positive("lever", self.lever, unit="m")
         require_positive("first_radius", self.first_radius, unit="m")
         require_positive("largest_radius", self.largest_radius, unit="m")
+        require_at_least("largest_radius", self.largest_radius, self.first_radius, unit="m")
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
-        """Return the best pose found from `start`, with every evaluation on the way."""
+        """Return the best pose found from `start`, with every evaluation on the way.
+
+        Rotations of a step are about zero of the target's frame, so coordinates should lie
+        around it, within a few lever arms.
+        """
         scale = np.array([1.0, 1.0, 1.0, self.lever, self.lever, self.lever])
         pose, radius = start, self.first_radius
         quadratic = objective.linearise(pose)
         history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
-        if quadratic.value == 0.0:
+        if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
             return Solution(pose, quadratic, StopReason.NO_SUPPORT, tuple(history))
 
         while len(history) < self.stopping.iterations:
@@ -125,7 +130,11 @@ def _trust_step(gradient: Vector, hessian: Matrix, radius: float) -> tuple[Vecto
     """Return the step within `radius` for the repaired Hessian, and its predicted decrease."""
     eigenvalues, axes = np.linalg.eigh(hessian)
     magnitudes = np.abs(eigenvalues)
-    curvatures = np.maximum(magnitudes, _LEAST_CURVATURE * magnitudes.max())
+    largest = float(magnitudes.max())
+    if largest == 0.0:
+        # A slope without any curvature: step down it to the edge of the region.
+        largest = float(np.linalg.norm(gradient)) / (_LEAST_CURVATURE * radius)
+    curvatures = np.maximum(magnitudes, _LEAST_CURVATURE * largest)
     along = axes.T @ gradient
     damping = _damping(along, curvatures, radius)
     coefficients = -along / (curvatures + damping)

@@ -26,7 +26,7 @@ class _Bowl:
         gap = pose.translation - [self.minimum, 0.0, 0.0]
         hessian = self.curvature * np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
         gradient = np.append(self.curvature * gap, np.zeros(3))
-        return Quadratic(0.5 * self.curvature * gap @ gap - 1e3, gradient, hessian, hessian)
+        return Quadratic(0.5 * self.curvature * gap @ gap - 1e3, gradient, hessian)
 
 
 _SCALES = tuple(Scale(blur=blur, largest_radius=2.0) for blur in (4.0, 1.0, 0.0))

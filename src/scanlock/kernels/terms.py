@@ -1,0 +1,336 @@
+"""Sums of the scores of NDT with their derivatives: rho and Lambda over all that can meet.
+
+The score of a pair at squared Mahalanobis distance ``s`` is ``-w exp(-sharpness s / 2) W(s)``,
+with a window W that falls from 1 at `window_start` to 0 at `window_end` with two continuous
+derivatives, so that leaving out pairs beyond the end changes nothing a solver can see.
+
+With ``y`` a mean or point of the source in the target's frame, ``C = R C_s R'`` its covariance
+there (0 for a point), ``q = y - mu``, ``B = (C + C_t)^-1``, ``b = B q`` and ``u = y - C b``, the
+squared distance ``s = q' B q`` has, for the step ``(rho, phi)``::
+
+    gradient  2 (b, u x b)
+    Hessian   2 L' B L + blkdiag(0, b u' + u b' - 2 (b.u) I + 2 hat(b) C hat(b))
+    with      L = [I, -M],  M = hat(u) + C hat(b)
+
+which is Stoyanov et al. 2012 in a left perturbation, the turning covariance included, and for
+``C = 0`` Magnusson 2009, section 6.2.1. Every kernel returns 28 sums: the value, the gradient (6)
+and the upper triangle of the Hessian, row by row (21).
+"""
+
+import math
+
+import numpy as np
+
+from scanlock.arrays import Labels, Matrix, Points, Vector
+from scanlock.kernels._compile import kernel, sum_kernel
+
+
+@kernel
+def _score(
+    squared: float, weight: float, sharpness: float, window_start: float, window_end: float
+) -> tuple[float, float, float]:
+    """Return the score of a pair and its first two derivatives in the squared distance."""
+    score = -weight * math.exp(-0.5 * sharpness * squared)
+    slope = -0.5 * sharpness * score
+    curve = -0.5 * sharpness * slope
+    if squared <= window_start:
+        return score, slope, curve
+    span = window_end - window_start
+    v = (squared - window_start) / span
+    window = 1.0 - v * v * v * (10.0 - 15.0 * v + 6.0 * v * v)
+    window_slope = -30.0 * v * v * (1.0 - v) * (1.0 - v) / span
+    window_curve = -60.0 * v * (1.0 - v) * (1.0 - 2.0 * v) / (span * span)
+    return (
+        score * window,
+        slope * window + score * window_slope,
+        curve * window + 2.0 * slope * window_slope + score * window_curve,
+    )
+
+
+@sum_kernel
+def _add_pair(
+    terms: Vector,
+    score: float,
+    slope: float,
+    curve: float,
+    b0: float,
+    b1: float,
+    b2: float,
+    u0: float,
+    u1: float,
+    u2: float,
+    k00: float,
+    k01: float,
+    k02: float,
+    k11: float,
+    k12: float,
+    k22: float,
+    c00: float,
+    c01: float,
+    c02: float,
+    c11: float,
+    c12: float,
+    c22: float,
+) -> None:
+    """Add one pair: ``b``, ``u``, the precision B as k and the source covariance C as c."""
+    # D = C hat(b) and M = hat(u) + D.
+    d00 = c01 * b2 - c02 * b1
+    d01 = c02 * b0 - c00 * b2
+    d02 = c00 * b1 - c01 * b0
+    d10 = c11 * b2 - c12 * b1
+    d11 = c12 * b0 - c01 * b2
+    d12 = c01 * b1 - c11 * b0
+    d20 = c12 * b2 - c22 * b1
+    d21 = c22 * b0 - c02 * b2
+    d22 = c02 * b1 - c12 * b0
+    m01 = d01 - u2
+    m02 = d02 + u1
+    m10 = d10 + u2
+    m12 = d12 - u0
+    m20 = d20 - u1
+    m21 = d21 + u0
+    # N = B M; L' B L has the blocks B, -N and M' N.
+    n00 = k00 * d00 + k01 * m10 + k02 * m20
+    n01 = k00 * m01 + k01 * d11 + k02 * m21
+    n02 = k00 * m02 + k01 * m12 + k02 * d22
+    n10 = k01 * d00 + k11 * m10 + k12 * m20
+    n11 = k01 * m01 + k11 * d11 + k12 * m21
+    n12 = k01 * m02 + k11 * m12 + k12 * d22
+    n20 = k02 * d00 + k12 * m10 + k22 * m20
+    n21 = k02 * m01 + k12 * d11 + k22 * m21
+    n22 = k02 * m02 + k12 * m12 + k22 * d22
+    # Half the gradient of s is (b, g); half its Hessian's rotation block is h.
+    g0 = u1 * b2 - u2 * b1
+    g1 = u2 * b0 - u0 * b2
+    g2 = u0 * b1 - u1 * b0
+    dot = b0 * u0 + b1 * u1 + b2 * u2
+    h00 = d00 * n00 + m10 * n10 + m20 * n20 + b0 * u0 - dot + b1 * d20 - b2 * d10
+    h11 = m01 * n01 + d11 * n11 + m21 * n21 + b1 * u1 - dot + b2 * d01 - b0 * d21
+    h22 = m02 * n02 + m12 * n12 + d22 * n22 + b2 * u2 - dot + b0 * d12 - b1 * d02
+    h01 = d00 * n01 + m10 * n11 + m20 * n21 + 0.5 * (b0 * u1 + b1 * u0) + b1 * d21 - b2 * d11
+    h02 = d00 * n02 + m10 * n12 + m20 * n22 + 0.5 * (b0 * u2 + b2 * u0) + b1 * d22 - b2 * d12
+    h12 = m01 * n02 + d11 * n12 + m21 * n22 + 0.5 * (b1 * u2 + b2 * u1) + b2 * d02 - b0 * d22
+
+    slope *= 2.0
+    curve *= 4.0
+    terms[0] += score
+    terms[1] += slope * b0
+    terms[2] += slope * b1
+    terms[3] += slope * b2
+    terms[4] += slope * g0
+    terms[5] += slope * g1
+    terms[6] += slope * g2
+    terms[7] += slope * k00 + curve * b0 * b0
+    terms[8] += slope * k01 + curve * b0 * b1
+    terms[9] += slope * k02 + curve * b0 * b2
+    terms[10] += curve * b0 * g0 - slope * n00
+    terms[11] += curve * b0 * g1 - slope * n01
+    terms[12] += curve * b0 * g2 - slope * n02
+    terms[13] += slope * k11 + curve * b1 * b1
+    terms[14] += slope * k12 + curve * b1 * b2
+    terms[15] += curve * b1 * g0 - slope * n10
+    terms[16] += curve * b1 * g1 - slope * n11
+    terms[17] += curve * b1 * g2 - slope * n12
+    terms[18] += slope * k22 + curve * b2 * b2
+    terms[19] += curve * b2 * g0 - slope * n20
+    terms[20] += curve * b2 * g1 - slope * n21
+    terms[21] += curve * b2 * g2 - slope * n22
+    terms[22] += slope * h00 + curve * g0 * g0
+    terms[23] += slope * h01 + curve * g0 * g1
+    terms[24] += slope * h02 + curve * g0 * g2
+    terms[25] += slope * h11 + curve * g1 * g1
+    terms[26] += slope * h12 + curve * g1 * g2
+    terms[27] += slope * h22 + curve * g2 * g2
+
+
+@sum_kernel
+def d2d_terms(
+    target_means: Points,
+    target_covariances: Matrix,
+    target_widths: Vector,
+    target_weights: Vector,
+    source_means: Points,
+    source_covariances: Matrix,
+    source_widths: Vector,
+    source_weights: Vector,
+    rotation: Matrix,
+    translation: Vector,
+    sharpness: float,
+    window_start: float,
+    window_end: float,
+) -> Vector:
+    """Return the 28 sums over all pairs of Gaussians, each with the product of its weights.
+
+    Covariances are (k, 6) packed upper triangles. Widths are the largest variances:
+    ``s >= |q|^2 / (sum of widths)`` whatever the rotation, so a pair beyond the window is
+    skipped before its matrix is inverted.
+    """
+    terms = np.zeros(28)
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    for i in range(source_means.shape[0]):
+        m0, m1, m2 = source_means[i, 0], source_means[i, 1], source_means[i, 2]
+        y0 = r00 * m0 + r01 * m1 + r02 * m2 + translation[0]
+        y1 = r10 * m0 + r11 * m1 + r12 * m2 + translation[1]
+        y2 = r20 * m0 + r21 * m1 + r22 * m2 + translation[2]
+        # C = R C_s R', first the half product.
+        s0, s1, s2 = source_covariances[i, 0], source_covariances[i, 1], source_covariances[i, 2]
+        s3, s4, s5 = source_covariances[i, 3], source_covariances[i, 4], source_covariances[i, 5]
+        h00, h01, h02 = (
+            r00 * s0 + r01 * s1 + r02 * s2,
+            r00 * s1 + r01 * s3 + r02 * s4,
+            r00 * s2 + r01 * s4 + r02 * s5,
+        )
+        h10, h11, h12 = (
+            r10 * s0 + r11 * s1 + r12 * s2,
+            r10 * s1 + r11 * s3 + r12 * s4,
+            r10 * s2 + r11 * s4 + r12 * s5,
+        )
+        h20, h21, h22 = (
+            r20 * s0 + r21 * s1 + r22 * s2,
+            r20 * s1 + r21 * s3 + r22 * s4,
+            r20 * s2 + r21 * s4 + r22 * s5,
+        )
+        c00 = h00 * r00 + h01 * r01 + h02 * r02
+        c01 = h00 * r10 + h01 * r11 + h02 * r12
+        c02 = h00 * r20 + h01 * r21 + h02 * r22
+        c11 = h10 * r10 + h11 * r11 + h12 * r12
+        c12 = h10 * r20 + h11 * r21 + h12 * r22
+        c22 = h20 * r20 + h21 * r21 + h22 * r22
+        for j in range(target_means.shape[0]):
+            q0 = y0 - target_means[j, 0]
+            q1 = y1 - target_means[j, 1]
+            q2 = y2 - target_means[j, 2]
+            reach = window_end * (source_widths[i] + target_widths[j])
+            if q0 * q0 + q1 * q1 + q2 * q2 >= reach:
+                continue
+            s00 = c00 + target_covariances[j, 0]
+            s01 = c01 + target_covariances[j, 1]
+            s02 = c02 + target_covariances[j, 2]
+            s11 = c11 + target_covariances[j, 3]
+            s12 = c12 + target_covariances[j, 4]
+            s22 = c22 + target_covariances[j, 5]
+            a00 = s11 * s22 - s12 * s12
+            a01 = s02 * s12 - s01 * s22
+            a02 = s01 * s12 - s02 * s11
+            inverse = 1.0 / (s00 * a00 + s01 * a01 + s02 * a02)
+            k00, k01, k02 = a00 * inverse, a01 * inverse, a02 * inverse
+            k11 = (s00 * s22 - s02 * s02) * inverse
+            k12 = (s01 * s02 - s00 * s12) * inverse
+            k22 = (s00 * s11 - s01 * s01) * inverse
+            b0 = k00 * q0 + k01 * q1 + k02 * q2
+            b1 = k01 * q0 + k11 * q1 + k12 * q2
+            b2 = k02 * q0 + k12 * q1 + k22 * q2
+            squared = b0 * q0 + b1 * q1 + b2 * q2
+            if squared >= window_end:
+                continue
+            weight = source_weights[i] * target_weights[j]
+            score, slope, curve = _score(squared, weight, sharpness, window_start, window_end)
+            u0 = y0 - (c00 * b0 + c01 * b1 + c02 * b2)
+            u1 = y1 - (c01 * b0 + c11 * b1 + c12 * b2)
+            u2 = y2 - (c02 * b0 + c12 * b1 + c22 * b2)
+            _add_pair(
+                terms, score, slope, curve, b0, b1, b2, u0, u1, u2,
+                k00, k01, k02, k11, k12, k22, c00, c01, c02, c11, c12, c22,
+            )  # fmt: skip
+    return terms
+
+
+@kernel
+def tile_lists(
+    means: Points, radii: Vector, corner: Vector, width: float, columns: int, rows: int
+) -> tuple[Labels, Labels]:
+    """Return which Gaussians reach into each square tile of the xy plane.
+
+    Tile ``row * columns + column`` starts at ``corner + width * (column, row)``; its Gaussians
+    are ``members[starts[tile] : starts[tile + 1]]``, ascending. A Gaussian reaches a tile when
+    the disc of its radius does.
+    """
+    tiles = columns * rows
+    starts = np.zeros(tiles + 1, np.int64)
+    members = np.empty(0, np.int64)
+    cursor = np.empty(0, np.int64)
+    for fill in range(2):
+        if fill == 1:
+            for tile in range(tiles):
+                starts[tile + 1] += starts[tile]
+            members = np.empty(starts[tiles], np.int64)
+            cursor = starts[:-1].copy()
+        for j in range(means.shape[0]):
+            x = means[j, 0] - corner[0]
+            y = means[j, 1] - corner[1]
+            first_column = max(0, math.floor((x - radii[j]) / width))
+            last_column = min(columns - 1, math.floor((x + radii[j]) / width))
+            first_row = max(0, math.floor((y - radii[j]) / width))
+            last_row = min(rows - 1, math.floor((y + radii[j]) / width))
+            for row in range(first_row, last_row + 1):
+                gap_y = max(row * width - y, y - (row + 1) * width, 0.0)
+                for column in range(first_column, last_column + 1):
+                    gap_x = max(column * width - x, x - (column + 1) * width, 0.0)
+                    if gap_x * gap_x + gap_y * gap_y > radii[j] * radii[j]:
+                        continue
+                    tile = row * columns + column
+                    if fill == 0:
+                        starts[tile + 1] += 1
+                    else:
+                        members[cursor[tile]] = j
+                        cursor[tile] += 1
+    return starts, members
+
+
+@sum_kernel
+def p2d_terms(
+    points: Points,
+    means: Points,
+    precisions: Matrix,
+    starts: Labels,
+    members: Labels,
+    corner: Vector,
+    width: float,
+    columns: int,
+    rows: int,
+    rotation: Matrix,
+    translation: Vector,
+    sharpness: float,
+    window_start: float,
+    window_end: float,
+) -> Vector:
+    """Return the 28 sums over all points and all Gaussians that can meet them, unweighted.
+
+    `precisions` (k, 6) are packed inverses of the covariances; `starts` and `members` are the
+    lists of `tile_lists`, so a point outside all tiles meets nothing.
+    """
+    terms = np.zeros(28)
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    for i in range(points.shape[0]):
+        x0, x1, x2 = points[i, 0], points[i, 1], points[i, 2]
+        y0 = r00 * x0 + r01 * x1 + r02 * x2 + translation[0]
+        y1 = r10 * x0 + r11 * x1 + r12 * x2 + translation[1]
+        y2 = r20 * x0 + r21 * x1 + r22 * x2 + translation[2]
+        column = math.floor((y0 - corner[0]) / width)
+        row = math.floor((y1 - corner[1]) / width)
+        if column < 0 or column >= columns or row < 0 or row >= rows:
+            continue
+        tile = row * columns + column
+        for m in range(starts[tile], starts[tile + 1]):
+            j = members[m]
+            q0 = y0 - means[j, 0]
+            q1 = y1 - means[j, 1]
+            q2 = y2 - means[j, 2]
+            k00, k01, k02 = precisions[j, 0], precisions[j, 1], precisions[j, 2]
+            k11, k12, k22 = precisions[j, 3], precisions[j, 4], precisions[j, 5]
+            b0 = k00 * q0 + k01 * q1 + k02 * q2
+            b1 = k01 * q0 + k11 * q1 + k12 * q2
+            b2 = k02 * q0 + k12 * q1 + k22 * q2
+            squared = b0 * q0 + b1 * q1 + b2 * q2
+            if squared >= window_end:
+                continue
+            score, slope, curve = _score(squared, 1.0, sharpness, window_start, window_end)
+            _add_pair(
+                terms, score, slope, curve, b0, b1, b2, y0, y1, y2,
+                k00, k01, k02, k11, k12, k22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+            )  # fmt: skip
+    return terms
