@@ -10,11 +10,11 @@ from scanlock.arrays import Labels, Points, Vector, frozen
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 
-_LOCAL_LIMIT = 10_000.0
+_LOCAL_LIMIT = 120.0
 """Median distance from zero [m] beyond which coordinates are recentred.
 
-No lidar reaches this far, so such coordinates are map projections, whose millions of metres
-would cost digits in every product.
+The points of a sensor's frame lie around it, so these coordinates are of a map: no polar grid
+about zero reaches them, and millions of metres would cost digits in every product.
 """
 
 _FARTHEST = 1e12

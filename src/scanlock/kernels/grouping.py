@@ -7,6 +7,9 @@ import numpy as np
 from scanlock.arrays import Labels, Points
 from scanlock.kernels._compile import kernel
 
+_ON_THE_PLANE = 1e-9
+"""Share of a part's extent within which a point counts as on the cutting plane."""
+
 
 @kernel
 def occupied_cells(cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
@@ -43,7 +46,8 @@ def split_by_extent(
 
     A part that has is cut in two by the plane through its mean across its longest axis, again
     and again. Each cut depends only on the set of points, so neither their order nor the
-    numbering of the parts changes which points stay together.
+    numbering of the parts changes which points stay together; points on the plane, but for
+    rounding, go to the far side.
     """
     n = points.shape[0]
     starts = np.zeros(parts + 1, np.int64)
@@ -80,6 +84,7 @@ def split_by_extent(
                     result[order[m]] = count
                 count += 1
                 continue
+            margin = -_ON_THE_PLANE * farthest
             # Rows on the near side are swapped to the front of the run.
             middle = begin
             for m in range(begin, end):
@@ -89,7 +94,7 @@ def split_by_extent(
                     + (points[i, 1] - mean[1]) * axis[1]
                     + (points[i, 2] - mean[2]) * axis[2]
                 )
-                if along < 0.0:
+                if along < margin:
                     order[m] = order[middle]
                     order[middle] = i
                     middle += 1
@@ -125,20 +130,29 @@ def _mean_and_axis(
         yz += y * z
         zz += z * z
         farthest = max(farthest, x * x + y * y + z * z)
-    # Power iteration from the longest coordinate axis: a cut needs no exact eigenvector.
-    axis[0], axis[1], axis[2] = 0.0, 0.0, 0.0
-    if xx >= yy and xx >= zz:
-        axis[0] = 1.0
-    elif yy >= zz:
-        axis[1] = 1.0
-    else:
-        axis[2] = 1.0
-    for _ in range(20):
-        x = xx * axis[0] + xy * axis[1] + xz * axis[2]
-        y = xy * axis[0] + yy * axis[1] + yz * axis[2]
-        z = xz * axis[0] + yz * axis[1] + zz * axis[2]
-        norm = math.sqrt(x * x + y * y + z * z)
-        if norm == 0.0:
+    # Squaring the matrix six times is 64 power iterations; its columns then all point along the
+    # longest axis, the one with the largest diagonal most surely.
+    for _ in range(6):
+        size = xx + yy + zz
+        if size == 0.0:
             break
-        axis[0], axis[1], axis[2] = x / norm, y / norm, z / norm
+        xx, xy, xz, yy, yz, zz = xx / size, xy / size, xz / size, yy / size, yz / size, zz / size
+        xx, xy, xz, yy, yz, zz = (
+            xx * xx + xy * xy + xz * xz,
+            xx * xy + xy * yy + xz * yz,
+            xx * xz + xy * yz + xz * zz,
+            xy * xy + yy * yy + yz * yz,
+            xy * xz + yy * yz + yz * zz,
+            xz * xz + yz * yz + zz * zz,
+        )
+    if xx >= yy and xx >= zz:
+        axis[0], axis[1], axis[2] = xx, xy, xz
+    elif yy >= zz:
+        axis[0], axis[1], axis[2] = xy, yy, yz
+    else:
+        axis[0], axis[1], axis[2] = xz, yz, zz
+    norm = math.sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2])
+    if norm > 0.0:
+        for a in range(3):
+            axis[a] /= norm
     return math.sqrt(farthest)

@@ -12,6 +12,7 @@ from scanlock.errors import InvalidInput, require_at_least, require_fraction, re
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective
 from scanlock.solvers.newton import Newton, Solution
+from scanlock.solvers.stopping import StopReason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,13 +72,15 @@ class CoarseToFine:
         objective_at : callable
             Returns the objective at the scale of an index.
         start : Pose
-            Where the coarsest scale begins.
+            Where the coarsest scale begins; returned untouched if nothing meets at the finest.
         """
         solution = self._solver_at(self.scales[0]).minimise(objective_at(0), start)
         history = [*solution.history]
         for index, scale in enumerate(self.scales[1:], start=1):
             solution = self._solver_at(scale).minimise(objective_at(index), solution.pose)
             history.extend(solution.history)
+        if solution.reason is StopReason.NO_SUPPORT:
+            return replace(solution, pose=start, history=tuple(history))
         return Solution(solution.pose, solution.quadratic, solution.reason, tuple(history))
 
     def _solver_at(self, scale: Scale) -> Newton:

@@ -14,8 +14,8 @@ from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
 from scanlock.registration.verdict import gaussian_overlap, judge, score_correlation
 
-_LEAST_PARTS = 3
-"""Fewer Gaussians leave a rotation undetermined."""
+_LEAST_PARTS = 4
+"""Three Gaussians can be laid over three others by chance; four hardly ever."""
 
 
 def register(

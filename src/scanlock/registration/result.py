@@ -28,7 +28,7 @@ class Status(enum.Enum):
     """A scan holds too few parts to register; the pose is the initial one, untouched."""
 
     NO_SUPPORT = "no_support"
-    """Nothing of the two scans meets at the initial pose; it is returned untouched."""
+    """Nothing of the two scans meets; the initial pose is returned untouched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,7 +6,7 @@ from typing import Literal
 from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.errors import require_fraction, require_positive
+from scanlock.errors import InvalidInput, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.objectives.quadratic import Objective
@@ -42,6 +42,8 @@ class SgcNdt:
     """P2D: under a blur the voxels grow to this share of it."""
 
     def __post_init__(self) -> None:
+        if self.score not in ("d2d", "p2d"):
+            raise InvalidInput(f"score must be 'd2d' or 'p2d', got {self.score!r}")
         require_positive("spacing", self.spacing, unit="m")
         require_fraction("spacing_share", self.spacing_share)
 

@@ -43,14 +43,18 @@ def gaussian_overlap(target: Gaussians, source: Gaussians, pose: Pose) -> float:
 
 
 def score_correlation(target: Gaussians, source: Gaussians, pose: Pose) -> float:
-    """Return the D2D score at a pose over the geometric mean of the scans' self-scores."""
+    """Return the D2D score at a pose over the geometric mean of the scans' self-scores.
+
+    In [0, 1]: 1 for a scan with itself. The scores leave out the determinants that would make
+    them an inner product, so contrived sets can come out above, and are capped.
+    """
     identity = Pose.identity()
     cross = GaussiansToGaussians(target=target, source=source).linearise(pose).value
     own = [
         GaussiansToGaussians(target=one, source=one).linearise(identity).value
         for one in (target, source)
     ]
-    return cross / -float(np.sqrt(own[0] * own[1]))
+    return min(1.0, abs(cross) / float(np.sqrt(own[0] * own[1])))
 
 
 def judge(solution: Solution, overlap: float, score: float) -> tuple[Status, str]:

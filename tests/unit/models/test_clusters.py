@@ -209,10 +209,6 @@ def test_the_order_of_points_changes_no_cluster():
         assert partition(back) == partition(labels)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="split_by_extent compares with the mean exactly, and its rounding follows the order",
-)
 def test_the_order_of_points_changes_no_cut_through_a_point():
     # Evenly spaced points put one on the plane through their mean, where rounding decides.
     finder = ClusterFinder()

@@ -45,11 +45,7 @@ def test_a_scan_is_prepared_without_knowing_its_role():
     [
         ({"spacing": 0.0}, "spacing must be positive, got 0.0 m"),
         ({"spacing_share": 1.5}, "spacing_share must lie between 0 and 1, got 1.5"),
-        pytest.param(
-            {"score": "d2p"},
-            "score must be",
-            marks=pytest.mark.xfail(strict=True, reason="any unknown score is taken as d2d"),
-        ),
+        ({"score": "d2p"}, "score must be"),
     ],
 )
 def test_settings_out_of_range_are_refused_by_name(settings, message):
