@@ -218,7 +218,7 @@ def _guesses(scan: ScanFile, local: Points, ring_count: int | None, times: str |
     return Guesses(
         sensor=sensor,
         time=None if times is None else guess_time(times, scan.fields[times]),
-        settings=guess_settings(local, sensor),
+        settings=guess_settings(local),
     )
 
 

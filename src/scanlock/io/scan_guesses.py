@@ -158,15 +158,13 @@ def guess_sensor(points: Points, rings: int | None, rows: int) -> str:
     return "rotating scanner seen from elsewhere, or a map of several scans"
 
 
-def guess_settings(points: Points, sensor: str) -> SettingsGuess:
-    """Guess settings from what `guess_sensor` takes, and from what it said."""
+def guess_settings(points: Points) -> SettingsGuess:
+    """Guess settings from what `guess_sensor` takes; the method is the default so far."""
     reach = float(np.percentile(np.hypot(points[:, 0], points[:, 1]), 99))
-    seen_from_origin = "beams" in sensor
     return SettingsGuess(
         max_range=_rounded_up(reach),
         voxel_size=_voxel_size(points),
-        # Sectors and range bins mean nothing where the origin is not the sensor.
-        method="auto" if seen_from_origin else "gicp",
+        method="sgc-ndt-d2d",
     )
 
 
