@@ -17,13 +17,15 @@ def is_supported(
     point_of_cell: Labels,
     cell: int,
     bins: int,
-    steepest: float,
+    slope: float,
+    slack: float,
     support: int,
 ) -> bool:
     """Tell whether `support` low points around one could be ground together with it.
 
-    Of the low points in the 5 x 5 polar cells around it, those support it that are at most
-    `steepest` times their distance higher; nothing supports a stray reflection below ground.
+    Of the low points in the 5 x 5 polar cells around it, those support it that are higher by no
+    more than `slack` and `slope` times their distance; nothing supports a stray reflection
+    below ground.
     """
     sectors = point_of_cell.shape[0] // bins
     own_sector = cell // bins
@@ -36,7 +38,7 @@ def is_supported(
                 continue
             dx = x[i] - x[j]
             dy = y[i] - y[j]
-            if z[j] < z[i] + steepest * math.sqrt(dx * dx + dy * dy):
+            if z[j] < z[i] + slack + slope * math.sqrt(dx * dx + dy * dy):
                 found += 1
                 if found == support:
                     return True
@@ -52,6 +54,7 @@ def lower_envelope(
     sectors: int,
     bins: int,
     steepest: float,
+    slack: float,
     support: int,
 ) -> Vector:
     """Return at each low point the height of the lowest cone over the supported low points.
@@ -59,8 +62,8 @@ def lower_envelope(
     A cone rises from each with the slope `steepest`; ground that is nowhere steeper lies on the
     envelope of the cones, and what stands on visible ground lies above it. The low points lie
     one to a polar cell; each passes the foot of its lowest cone on to the next occupied cell,
-    outwards, inwards and around both ways, twice. Low points with fewer than `support`
-    supporters have no cone.
+    outwards, inwards and around both ways, twice. Low points without `support`
+    others around that are higher by `slack` and half of `steepest` at most have no cone.
     """
     n = x.shape[0]
     point_of_cell = np.full(sectors * bins, -1, np.int64)
@@ -69,7 +72,7 @@ def lower_envelope(
     foot = np.full(n, -1, np.int64)
     envelope = np.full(n, math.inf, np.float64)
     for i in range(n):
-        if is_supported(i, x, y, z, point_of_cell, cells[i], bins, steepest, support):
+        if is_supported(i, x, y, z, point_of_cell, cells[i], bins, 0.5 * steepest, slack, support):
             foot[i] = i
             envelope[i] = z[i]
     for sweep in range(8):

@@ -33,8 +33,9 @@ _STEEPEST = 0.6
 _ENVELOPE_LIMIT = 0.25
 """Ground lies within this height of the lower envelope [m]."""
 
-_SUPPORT = 3
-"""A low point tells what stands above it only if so many around it lie about as low."""
+_SUPPORT, _SLACK = 3, 0.1
+"""A low point tells what stands above it only if so many around it lie about as low: within the
+second [m], plus half of the steepest slope."""
 
 _PATCH_SECTORS = 30
 _FIRST_RING, _RING_GROWTH = 2.0, 1.22
@@ -91,7 +92,7 @@ def fit_base_surface(
     )
     sharp = _sharp(points, prototypes, plane, grid)
     envelope = lower_envelope(
-        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST, _SUPPORT
+        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
     )
     # Reflections below the ground must not take the ground around them away.
     on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | (np.abs(heights) < _GATE)
