@@ -23,7 +23,12 @@ from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians
-from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine, Scale
+from scanlock.registration.coarse_to_fine import (
+    DEFAULT_SCALES,
+    PAPER_SCALES,
+    CoarseToFine,
+    Scale,
+)
 from scanlock.registration.landmarks import Landmarks
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.solvers.newton import Newton
@@ -33,6 +38,9 @@ Prepare = Callable[[PointCloud], Landmarks]
 Align = Callable[[Landmarks, Landmarks, Pose], Pose]
 
 DEFAULT = SgcNdt()
+POINT_WEIGHTS = SgcNdt(
+    schedule=CoarseToFine(scales=(*DEFAULT_SCALES[:-1], Scale(blur=0.0, largest_radius=1.5)))
+)
 ONE_RADIUS = SgcNdt(
     schedule=CoarseToFine(
         scales=tuple(Scale(blur=blur, largest_radius=3.0) for blur in (8.0, 4.0, 2.0, 1.0, 0.0))
@@ -81,6 +89,7 @@ VARIANTS: dict[str, tuple[Prepare, Align]] = {
         SgcNdt(schedule=CoarseToFine(scales=PAPER_SCALES)).prepare,
         aligned_by(SgcNdt(schedule=CoarseToFine(scales=PAPER_SCALES))),
     ),
+    "point weights at the last scale too": (POINT_WEIGHTS.prepare, aligned_by(POINT_WEIGHTS)),
     "clusters of 3 m at every scale": (ONE_RADIUS.prepare, aligned_by(ONE_RADIUS)),
     "the same, covariances multiplied": (ONE_RADIUS.prepare, multiplied),
     "weights by occupied voxels": (weighed(DEFAULT, voxel_weights), aligned_by(DEFAULT)),

@@ -97,14 +97,13 @@ class Gaussians:
         frozen(widths)
         return widths
 
-    @cached_property
-    def weights(self) -> Vector:
-        """The (k,) square roots of the counts, scaled to unit length.
+    def weights(self, power: float = 0.5) -> Vector:
+        """Return the (k,) counts to a power, scaled to unit length.
 
-        Equal weights trust a distant handful of points as much as a facade; the counts
-        themselves would let the nearest object decide alone.
+        Equal weights (power 0) trust a distant handful of points as much as a facade; the
+        counts themselves (power 1) would let the nearest object decide alone.
         """
-        weights = np.sqrt(self.counts.astype(np.float64))
+        weights = self.counts.astype(np.float64) ** power
         norm = np.linalg.norm(weights)
         weights = weights / norm if norm > 0 else weights
         frozen(weights)
@@ -132,17 +131,19 @@ class Gaussians:
         covariances = np.einsum("kia,ka,kja->kij", axes, raised, axes)
         # The product is symmetric only to rounding.
         covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1))
-        return Gaussians(self.means, covariances, self.counts)
+        return self._reshaped(covariances, raised)
 
     def scaled(self, factor: float) -> "Gaussians":
         """Return the same Gaussians with every standard deviation `factor` times as large."""
         require_positive("factor", factor)
-        return Gaussians(self.means, self.covariances * factor**2, self.counts)
+        return self._reshaped(self.covariances * factor**2, self.variances * factor**2)
 
     def widened(self, deviation: float) -> "Gaussians":
         """Return the Gaussians blurred by an isotropic one of standard deviation [m]."""
         require_at_least("deviation", deviation, 0.0, unit="m")
-        return Gaussians(self.means, self.covariances + deviation**2 * np.eye(3), self.counts)
+        return self._reshaped(
+            self.covariances + deviation**2 * np.eye(3), self.variances + deviation**2
+        )
 
     def transformed(self, pose: Pose) -> "Gaussians":
         """Return the Gaussians moved by a pose; covariances turn with it."""
@@ -150,6 +151,13 @@ class Gaussians:
         return Gaussians(
             pose.apply(self.means), rotation @ self.covariances @ rotation.T, self.counts
         )
+
+    def _reshaped(self, covariances: NDArray[np.float64], variances: Matrix) -> "Gaussians":
+        reshaped = Gaussians(self.means, covariances, self.counts)
+        frozen(variances)
+        # The principal variances are known here, and decomposing anew costs more than a score.
+        reshaped.__dict__["variances"] = variances
+        return reshaped
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Gaussians, (

@@ -61,13 +61,15 @@ class ScoreShape:
 class GaussiansToGaussians:
     """D2D: every Gaussian of the source against every Gaussian of the target.
 
-    The value is minus the sum over all pairs of ``w_i w_j rho``, with weights of unit length on
-    either side; it is symmetric under exchange of the scans.
+    The value is minus the sum over all pairs of ``w_i w_j rho``, with the counts to
+    `weight_power`, scaled to unit length, as the weights of either side; it is symmetric under
+    exchange of the scans.
     """
 
     target: Gaussians
     source: Gaussians
     shape: ScoreShape = field(default_factory=ScoreShape)
+    weight_power: float = 0.5
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
@@ -76,11 +78,11 @@ class GaussiansToGaussians:
                 self.target.means,
                 self.target.packed_covariances,
                 self.target.widths,
-                self.target.weights,
+                self.target.weights(self.weight_power),
                 self.source.means,
                 self.source.packed_covariances,
                 self.source.widths,
-                self.source.weights,
+                self.source.weights(self.weight_power),
                 pose.rotation,
                 pose.translation,
                 *self.shape.parameters,

@@ -25,7 +25,11 @@ class Scale:
     largest_radius: float
     """Clusters are cut to this radius [m]; under a blur, finer ones only cost time."""
 
+    weight_power: float = 0.5
+    """D2D: Gaussians weigh as their counts to this power."""
+
     def __post_init__(self) -> None:
+        require_at_least("weight_power", self.weight_power, 0.0)
         require_at_least("blur", self.blur, 0.0, unit="m")
         require_positive("largest_radius", self.largest_radius, unit="m")
 
@@ -35,9 +39,13 @@ DEFAULT_SCALES = (
     Scale(blur=4.0, largest_radius=6.0),
     Scale(blur=2.0, largest_radius=3.0),
     Scale(blur=1.0, largest_radius=3.0),
-    Scale(blur=0.0, largest_radius=1.5),
+    Scale(blur=0.0, largest_radius=1.5, weight_power=0.25),
 )
-"""The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision."""
+"""The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision.
+
+Near objects, rich in points, lead the blurred scales and hold the basin; at the end the far ones
+need a say, for they know the angles.
+"""
 
 PAPER_SCALES = (Scale(blur=0.0, largest_radius=3.0),)
 """One scale, as in Das et al. 2013: the basin is then that of the sharp clusters."""

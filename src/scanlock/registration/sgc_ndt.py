@@ -55,7 +55,8 @@ class SgcNdt:
         """Return the pose that carries the source onto the target, from a start."""
 
         def objective_at(index: int) -> Objective:
-            blur = self.schedule.scales[index].blur
+            scale = self.schedule.scales[index]
+            blur = scale.blur
             if self.score == "p2d":
                 spacing = max(self.spacing, self.spacing_share * blur)
                 return PointsToGaussians(
@@ -65,6 +66,7 @@ class SgcNdt:
             return GaussiansToGaussians(
                 target=target.gaussians[index].widened(blur),
                 source=source.gaussians[index].widened(blur),
+                weight_power=scale.weight_power,
             )
 
         return self.schedule.minimise(objective_at, start)

@@ -14,7 +14,7 @@ def _terms(target, source, pose, *, sharpness=1.0, start=16.0, end=25.0, width_f
     def side(part):
         widths = width_factor * part.widths
         widths.setflags(write=False)
-        return part.means, part.packed_covariances, widths, part.weights
+        return part.means, part.packed_covariances, widths, part.weights()
 
     return d2d_terms(
         *side(target), *side(source), pose.rotation, pose.translation, sharpness, start, end

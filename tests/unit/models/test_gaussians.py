@@ -108,9 +108,9 @@ def test_moved_gaussians_are_the_gaussians_of_the_moved_points():
 
 def test_weights_are_roots_of_counts_of_unit_length():
     some = gaussians(np.random.default_rng(8), 20)
-    np.testing.assert_allclose(np.linalg.norm(some.weights), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(some.weights**2, some.counts / some.counts.sum(), rtol=1e-13)
-    assert gaussians(np.random.default_rng(8), 0).weights.shape == (0,)
+    np.testing.assert_allclose(np.linalg.norm(some.weights()), 1.0, rtol=1e-14)
+    np.testing.assert_allclose(some.weights() ** 2, some.counts / some.counts.sum(), rtol=1e-13)
+    assert gaussians(np.random.default_rng(8), 0).weights().shape == (0,)
 
 
 def test_packed_forms_hold_the_whole_matrices():
@@ -141,7 +141,6 @@ def test_every_array_is_read_only():
             "packed_precisions",
             "variances",
             "widths",
-            "weights",
         ):
             array = getattr(made, name)
             assert not array.flags.writeable, name
@@ -185,3 +184,21 @@ def test_rows_are_taken_by_number_or_by_mask():
 def test_values_out_of_range_are_refused_by_name(call, message):
     with pytest.raises(InvalidInput, match=message):
         call(gaussians(np.random.default_rng(13), 5))
+
+
+def test_weights_are_counts_to_a_power():
+    counts = np.array([1, 16, 81])
+    some = Gaussians(np.zeros((3, 3)), np.tile(np.eye(3), (3, 1, 1)), counts)
+    for power in (0.0, 0.25, 1.0):
+        weights = some.weights(power)
+        np.testing.assert_allclose(weights / weights[0], counts**power, rtol=1e-14)
+        np.testing.assert_allclose(np.linalg.norm(weights), 1.0, rtol=1e-14)
+
+
+def test_variances_follow_floors_scales_and_blurs():
+    some = gaussians(np.random.default_rng(9), 40, least=0.01)
+    for reshaped in (some.floored(0.3, 0.1), some.scaled(2.5), some.widened(0.7)):
+        np.testing.assert_allclose(
+            reshaped.variances, np.linalg.eigvalsh(reshaped.covariances), rtol=1e-9, atol=1e-12
+        )
+        assert not reshaped.variances.flags.writeable
