@@ -360,12 +360,23 @@ def _wall(seed):
     )
 
 
-@pytest.mark.xfail(strict=True, reason="directions along which a scene slides are not detected")
 @pytest.mark.parametrize("scene", [_corridor, _line, _wall], ids=["corridor", "line", "wall"])
 def test_scenes_that_slide_along_themselves_are_not_trusted(method, scene):
     # The scans are alike wherever they were taken: along the scene no pose can be known, so
     # whatever is returned must not be called OK.
     assert register(scene(1), scene(2), method=method).status is not Status.OK
+
+
+@pytest.mark.parametrize("name", ["corridor", "wall"])
+def test_the_direction_along_which_a_scene_slides_is_named(method, name):
+    scene = {"corridor": _corridor, "wall": _wall}[name]
+    turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
+    result = register(turned, turned, method=method)
+    assert result.status is Status.DEGENERATE
+    x, y, z = (float(part) for part in result.reason.split("(")[1].split(")")[0].split(","))
+    # A wall slides along itself any way; the floor of a corridor leaves but one.
+    assert abs(y * np.cos(0.5) - x * np.sin(0.5)) < 0.1
+    assert name == "wall" or abs(z) < 0.1
 
 
 def test_poses_are_finite_however_a_registration_ends(method):

@@ -12,7 +12,12 @@ from scanlock.registration.landmarks import Landmarks
 from scanlock.registration.methods import DEFAULT_METHOD, METHODS, Method
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
-from scanlock.registration.verdict import gaussian_overlap, judge, score_correlation
+from scanlock.registration.verdict import (
+    gaussian_overlap,
+    judge,
+    score_correlation,
+    weakest_direction,
+)
 
 _LEAST_PARTS = 4
 """Three Gaussians can be laid over three others by chance; four hardly ever."""
@@ -81,7 +86,7 @@ def register(
         both = target_marks.gaussians[-1], source_marks.gaussians[-1]
         overlap = gaussian_overlap(*both, solution.pose)
         score = score_correlation(*both, solution.pose)
-        status, reason = judge(solution, overlap, score)
+        status, reason = judge(solution, overlap, score, *weakest_direction(both[0]))
     clock.seconds["total"] = time.perf_counter() - begin
     pose = caller_pose(solution.pose, target_cloud, source_cloud)
     return Registration(

@@ -21,6 +21,9 @@ class Status(enum.Enum):
     LOW_OVERLAP = "low_overlap"
     """The solver converged, but too little of the source meets the target at the pose."""
 
+    DEGENERATE = "degenerate"
+    """The scans look alike when shifted along some direction; the pose may be wrong along it."""
+
     NOT_CONVERGED = "not_converged"
     """The iteration limit came first; the pose is the best seen."""
 

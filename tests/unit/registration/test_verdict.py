@@ -8,9 +8,16 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import gaussian_overlap, judge, score_correlation
+from scanlock.registration.verdict import (
+    gaussian_overlap,
+    judge,
+    score_correlation,
+    weakest_direction,
+)
 from scanlock.solvers.newton import Solution
 from scanlock.solvers.stopping import StopReason
+
+_UP = np.array([0.0, 0.0, 1.0])
 
 
 def _pair(seed=0):
@@ -83,7 +90,7 @@ def test_a_converged_solution_is_judged_by_overlap_and_score_together(reason):
         (0.5, 0.5, Status.LOW_OVERLAP),
         (0.0, 0.0, Status.LOW_OVERLAP),
     ):
-        status, sentence = judge(_solution(reason), overlap, score)
+        status, sentence = judge(_solution(reason), overlap, score, 1.0, _UP)
         assert status is expected
         assert f"{overlap:.0%}" in sentence
         assert f"{score:.2f}" in sentence
@@ -97,4 +104,41 @@ def test_a_converged_solution_is_judged_by_overlap_and_score_together(reason):
     ],
 )
 def test_a_solver_that_gave_up_is_never_ok(reason, status):
-    assert judge(_solution(reason), 1.0, 1.0) == (status, reason.value)
+    assert judge(_solution(reason), 1.0, 1.0, 1.0, _UP) == (status, reason.value)
+
+
+def test_a_weakly_held_direction_is_degenerate_and_named():
+    reason = StopReason.GRADIENT_SMALL
+    direction = np.array([1.0, 0.0, 0.0])
+    assert judge(_solution(reason), 1.0, 1.0, 0.2, direction)[0] is Status.OK
+    status, sentence = judge(_solution(reason), 1.0, 1.0, 0.1, direction)
+    assert status is Status.DEGENERATE
+    assert "(1.00, 0.00, 0.00)" in sentence
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_walls_hold_across_and_slide_along(turn):
+    # Plates of 1 m that are 0.1 m thin: along x and z each axis is the longest.
+    pose = Pose.from_step(np.array([3.0, -2.0, 1.0, 0.0, 0.0, turn]))
+    plates = Gaussians(
+        np.zeros((5, 3)), np.tile(np.diag([1.0, 0.01, 1.0]), (5, 1, 1)), np.full(5, 50)
+    ).transformed(pose)
+    hold, _ = weakest_direction(plates)
+    assert hold < 1e-12
+    # Poles, thin along x and y, hold what the plates let slide; height stays free.
+    poles = Gaussians(
+        np.zeros((5, 3)), np.tile(np.diag([0.01, 0.01, 1.0]), (5, 1, 1)), np.full(5, 50)
+    ).transformed(pose)
+    both = Gaussians(
+        np.concatenate([plates.means, poles.means]),
+        np.concatenate([plates.covariances, poles.covariances]),
+        np.concatenate([plates.counts, poles.counts]),
+    )
+    hold, direction = weakest_direction(both)
+    assert hold < 1e-12
+    assert abs(direction[2]) > 1.0 - 1e-9
+
+
+def test_round_gaussians_hold_every_way():
+    some = Gaussians(np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), np.full(4, 10))
+    assert weakest_direction(some)[0] == 1.0
