@@ -1,0 +1,100 @@
+"""What the ground of a scan does not depend on."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.geometry.rotations import exp_rotation
+from scanlock.models.ground import GroundFinder, GroundStatus
+from scanlock.models.ground_model import BLUNT_LIMIT
+
+_FINDER = GroundFinder()
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def _street(rng, slope):
+    """A sloping plane with walls and posts on it, thinning out with range."""
+    radius = 3.0 * 12.0 ** rng.random(6000)
+    azimuth = rng.uniform(-np.pi, np.pi, 6000)
+    xy = [np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth)])]
+    rise = [rng.normal(0, 0.01, 6000)]
+    for _ in range(rng.integers(2, 6)):
+        start, along = rng.uniform(-15, 15, 2), rng.uniform(-6, 6, 2)
+        xy.append(start + rng.random((400, 1)) * along)
+        rise.append(rng.uniform(0, 3, 400))
+    places = np.concatenate(xy)
+    return np.column_stack([places, slope * places[:, 0] - 1.7 + np.concatenate(rise)])
+
+
+def _find(points):
+    return _FINDER.find(PointCloud.from_array(points))
+
+
+def _same_answers(first, second):
+    """Two grounds agree, but for points that lie within a centimetre of a limit."""
+    assert first.status is second.status
+    settled = np.isfinite(first.height) == np.isfinite(second.height)
+    for limit in (_FINDER.height_limit, BLUNT_LIMIT):
+        settled &= ~(np.abs(np.abs(first.height) - limit) < 0.01)
+    assert settled.mean() > 0.9
+    assert (first.is_ground == second.is_ground)[settled].all()
+
+
+@settings(max_examples=15)
+@given(seeds, st.floats(-0.08, 0.08), st.floats(-50, 50))
+def test_a_shift_along_z_changes_nothing(seed, slope, shift):
+    points = _street(np.random.default_rng(seed), slope)
+    first, second = _find(points), _find(points + np.array([0, 0, shift]))
+    _same_answers(first, second)
+    if first.status is not GroundStatus.NONE:
+        drop = shift * first.up[2]
+        assert np.isclose(second.sensor_height, first.sensor_height - drop, atol=1e-6)
+
+
+def _turned(points, sectors):
+    angle = 2 * np.pi * sectors / _FINDER.grid.sectors
+    return points @ exp_rotation(np.array([0.0, 0.0, angle])).T
+
+
+@settings(max_examples=15)
+@given(seeds, st.floats(-0.08, 0.08), st.integers(1, 29))
+def test_a_turn_by_whole_patches_changes_nothing(seed, slope, patches):
+    points = _street(np.random.default_rng(seed), slope)
+    _same_answers(_find(points), _find(_turned(points, 6 * patches)))
+
+
+@settings(max_examples=15)
+@given(seeds, st.floats(-0.08, 0.08), st.integers(1, 179))
+def test_a_turn_by_whole_sectors_changes_next_to_nothing(seed, slope, sectors):
+    # Patches of the coarse ground are six sectors wide and meet other points after the turn.
+    points = _street(np.random.default_rng(seed), slope)
+    first, second = _find(points), _find(_turned(points, sectors))
+    assert first.status is second.status
+    assert (first.is_ground != second.is_ground).mean() < 0.005
+
+
+@settings(max_examples=15)
+@given(seeds, st.floats(-0.08, 0.08))
+def test_the_order_of_rows_changes_nothing(seed, slope):
+    rng = np.random.default_rng(seed)
+    points = _street(rng, slope)
+    order = rng.permutation(len(points))
+    first, second = _find(points), _find(points[order])
+    assert (first.is_ground[order] == second.is_ground).all()
+    assert np.array_equal(first.height[order], second.height, equal_nan=True)
+
+
+@settings(max_examples=15)
+@given(seeds, st.integers(1, 300), st.floats(0.01, 300.0))
+def test_any_cloud_gets_a_whole_answer(seed, count, size):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, size, (count, 3)) * rng.choice([0.0, 0.01, 1.0], 3)
+    for finder in (_FINDER, GroundFinder.das2013()):
+        ground = finder.find(PointCloud.from_array(points))
+        assert ground.is_ground.shape == ground.height.shape == (count,)
+        assert not np.isnan(ground.height[ground.is_ground | ground.is_below]).any()
+        assert np.isfinite(ground.up).all()
+        assert ground.reason
+        assert ground.is_ground.any() <= (ground.status is not GroundStatus.NONE)
