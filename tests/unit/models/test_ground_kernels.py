@@ -210,4 +210,4 @@ def test_one_compiled_form_serves_all():
         passes.heights_above_knots, passes.split_by_height, passes.turned_points,
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip
-        assert len(kernel.signatures) <= 1, kernel
+        assert len(getattr(kernel, "signatures", ())) <= 1, kernel
