@@ -1,1 +1,62 @@
-"""Simulated worlds and sensors with exact poses and labels."""
+"""Simulated worlds and sensors with exact poses and labels.
+
+``scan_pair("street", "hdl_64e", seed=1)`` gives two scans and the exact pose between them;
+``SimulatedSequence(scene.world, hdl_64e(), street_drive(scene, rng), seed=1)`` a whole drive.
+A world of one's own is made of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
+`HeightField`, and seen by `simulate_scan`. The same seed gives the same bytes.
+"""
+
+from scanlock.simulation.drive import CAR, ROBOT, Carrier, Drive, drive_along
+from scanlock.simulation.forests import forest, forest_walk
+from scanlock.simulation.height_field import HeightField
+from scanlock.simulation.motion import carried, screw, twist_between
+from scanlock.simulation.mover import Mover
+from scanlock.simulation.scan import SimulatedScan, simulate_scan
+from scanlock.simulation.scene import Scene
+from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
+from scanlock.simulation.sequence import SCENES, SimulatedPair, SimulatedSequence, scan_pair
+from scanlock.simulation.shapes import boxes, cones, discs, ellipsoids, triangles
+from scanlock.simulation.streets import street, street_drive
+from scanlock.simulation.surface_class import SurfaceClass
+from scanlock.simulation.surfaces import Surfaces
+from scanlock.simulation.track import Track
+from scanlock.simulation.world import RayHits, World
+
+__all__ = [
+    "CAR",
+    "ROBOT",
+    "SCENES",
+    "SENSORS",
+    "Carrier",
+    "Drive",
+    "HeightField",
+    "Mover",
+    "RayHits",
+    "Scene",
+    "Sensor",
+    "SimulatedPair",
+    "SimulatedScan",
+    "SimulatedSequence",
+    "SurfaceClass",
+    "Surfaces",
+    "Track",
+    "World",
+    "boxes",
+    "carried",
+    "cones",
+    "discs",
+    "drive_along",
+    "ellipsoids",
+    "forest",
+    "forest_walk",
+    "hdl_32e",
+    "hdl_64e",
+    "os1_64",
+    "scan_pair",
+    "screw",
+    "simulate_scan",
+    "street",
+    "street_drive",
+    "triangles",
+    "twist_between",
+]

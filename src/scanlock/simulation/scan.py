@@ -112,10 +112,8 @@ def simulate_scan(
     firing = sensor.firing_times()
     rotations, translations = screw(twist, firing - 0.5 * sensor.period)
     beams = sensor.directions()
-    shape = (sensor.azimuth_steps, sensor.beams)
-    directions = np.einsum(
-        "ab,nbc,nkc->nka", pose.rotation, rotations, beams.reshape(*shape, 3), optimize=True
-    ).reshape(-1, 3)
+    fired = beams.reshape(sensor.azimuth_steps, sensor.beams, 3)
+    directions = (fired @ (pose.rotation @ rotations).transpose(0, 2, 1)).reshape(-1, 3)
     origins = np.repeat(pose.apply(translations), sensor.beams, axis=0)
     times = np.repeat(firing, sensor.beams)
     hits = world.cast(origins, directions, time, times - 0.5 * sensor.period, sensor.max_range)

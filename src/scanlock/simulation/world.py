@@ -145,8 +145,9 @@ class World:
             ),
             self.surfaces,
         )
-        if self.movers:
-            surfaces, first, frames = self._movers_at(time)
+        movers = self._movers_near(origins, time, delays, reach)
+        if movers:
+            surfaces, first, frames = movers
             limits = read_only(np.minimum(distances, reach))
             keep_nearer(
                 cast_at_movers(
@@ -178,16 +179,27 @@ class World:
             self.ground.cell,
         )
 
-    def _movers_at(self, time: float) -> tuple[Surfaces, Labels, Matrix]:
-        """Return surfaces, first rows and frames of the movers, as the kernel takes them."""
-        first = np.zeros(len(self.movers) + 1, np.int64)
-        first[1:] = np.cumsum([len(mover.surfaces) for mover in self.movers])
-        frames = np.empty((len(self.movers), 16))
-        for row, mover in zip(frames, self.movers, strict=True):
+    def _movers_near(
+        self, origins: Points, time: float, delays: Vector, reach: float
+    ) -> tuple[Surfaces, Labels, Matrix] | None:
+        """Return surfaces, first rows and frames of the movers that rays may meet, if any."""
+        if len(origins) == 0:
+            return None
+        low, high = origins.min(axis=0), origins.max(axis=0)
+        near: list[Surfaces] = []
+        frames: list[Vector] = []
+        for mover in self.movers:
             pose, velocity = mover.at(time)
-            row[:3] = pose.translation
-            row[3:12] = pose.rotation.T.ravel()
-            row[12:15] = velocity
-            row[15] = mover.radius
-        surfaces = Surfaces.joined(mover.surfaces for mover in self.movers)
-        return surfaces, read_only(first), read_only(frames)
+            way = mover.speed * float(np.abs(delays).max())
+            gap = np.maximum(np.maximum(low - pose.translation, pose.translation - high), 0.0)
+            if float(np.linalg.norm(gap)) <= reach + mover.radius + way:
+                near.append(mover.surfaces)
+                rotation = pose.rotation.T.ravel()
+                frames.append(
+                    np.concatenate([pose.translation, rotation, velocity, [mover.radius]])
+                )
+        if not near:
+            return None
+        first = np.zeros(len(near) + 1, np.int64)
+        first[1:] = np.cumsum([len(surfaces) for surfaces in near])
+        return Surfaces.joined(near), read_only(first), read_only(np.array(frames))
