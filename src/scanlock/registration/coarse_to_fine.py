@@ -28,6 +28,9 @@ class Scale:
     weight_power: float = 0.5
     """D2D: Gaussians weigh as their counts to this power."""
 
+    is_entry: bool = False
+    """Whether a descent of its own begins here; one always begins at the first scale."""
+
     def __post_init__(self) -> None:
         require_at_least("weight_power", self.weight_power, 0.0)
         require_at_least("blur", self.blur, 0.0, unit="m")
@@ -37,14 +40,15 @@ class Scale:
 DEFAULT_SCALES = (
     Scale(blur=8.0, largest_radius=6.0),
     Scale(blur=4.0, largest_radius=6.0),
-    Scale(blur=2.0, largest_radius=3.0),
+    Scale(blur=2.0, largest_radius=3.0, is_entry=True),
     Scale(blur=1.0, largest_radius=3.0),
     Scale(blur=0.0, largest_radius=1.5, weight_power=0.25),
 )
 """The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision.
 
 Near objects, rich in points, lead the blurred scales and hold the basin; at the end the far ones
-need a say, for they know the angles.
+need a say, for they know the angles. Where the scans share little, a wide blur pulls their centres
+together, away even from a true start; a second descent that begins at 2 m is spared that.
 """
 
 PAPER_SCALES = (Scale(blur=0.0, largest_radius=3.0),)
@@ -73,7 +77,7 @@ class CoarseToFine:
         require_fraction("loose_step", self.loose_step)
 
     def minimise(self, objective_at: Callable[[int], Objective], start: Pose) -> Solution:
-        """Return the solution of the finest scale, with the history of all of them.
+        """Return the best solution of the finest scale, with the history of all descents.
 
         Parameters
         ----------
@@ -82,14 +86,26 @@ class CoarseToFine:
         start : Pose
             Where the coarsest scale begins; returned untouched if nothing meets at the finest.
         """
-        solution = self._solver_at(self.scales[0]).minimise(objective_at(0), start)
+        best = self._descend(objective_at, 0, start)
+        history = [*best.history]
+        for entry, scale in enumerate(self.scales):
+            if entry > 0 and scale.is_entry:
+                solution = self._descend(objective_at, entry, start)
+                history.extend(solution.history)
+                best = min(best, solution, key=lambda one: one.quadratic.value)
+        pose = start if best.reason is StopReason.NO_SUPPORT else best.pose
+        return replace(best, pose=pose, history=tuple(history))
+
+    def _descend(
+        self, objective_at: Callable[[int], Objective], entry: int, start: Pose
+    ) -> Solution:
+        solution = self._solver_at(self.scales[entry]).minimise(objective_at(entry), start)
         history = [*solution.history]
-        for index, scale in enumerate(self.scales[1:], start=1):
-            solution = self._solver_at(scale).minimise(objective_at(index), solution.pose)
+        for index in range(entry + 1, len(self.scales)):
+            solver = self._solver_at(self.scales[index])
+            solution = solver.minimise(objective_at(index), solution.pose)
             history.extend(solution.history)
-        if solution.reason is StopReason.NO_SUPPORT:
-            return replace(solution, pose=start, history=tuple(history))
-        return Solution(solution.pose, solution.quadratic, solution.reason, tuple(history))
+        return replace(solution, history=tuple(history))
 
     def _solver_at(self, scale: Scale) -> Newton:
         stopping = self.solver.stopping
