@@ -1,0 +1,1 @@
+"""Static figures of registrations and segmentations; needs the extra ``figures``."""

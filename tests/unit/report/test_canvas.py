@@ -1,0 +1,114 @@
+import sys
+
+import numpy as np
+import pytest
+
+from scanlock.errors import InvalidInput, MissingExtra
+from scanlock.report.canvas import (
+    blank_figure,
+    densest_square,
+    frame,
+    legend_below,
+    mingled,
+    save_figure,
+    scatter,
+    square_view,
+    thinned_rows,
+    window_around,
+)
+
+
+def test_a_figure_belongs_to_no_global_state():
+    figure = blank_figure(4.0, 3.0)
+    assert figure.get_size_inches().tolist() == [4.0, 3.0]
+    assert "matplotlib.pyplot" not in sys.modules or figure.number is None
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtra, match=r'pip install "scanlock\[figures\]"'):
+        blank_figure(4.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "start"), [("a.png", b"\x89PNG"), ("a.PDF", b"%PDF"), ("a.svg", b"<?xml")]
+)
+def test_a_figure_is_written_as_its_name_says_and_always_the_same(tmp_path, name, start):
+    contents = []
+    for _ in range(2):
+        figure = blank_figure(2.0, 2.0)
+        scatter(figure.subplots(), np.eye(2), "black", size=3.0)
+        save_figure(tmp_path / name, figure)
+        contents.append((tmp_path / name).read_bytes())
+    assert contents[0].startswith(start)
+    if not name.endswith("svg"):  # its elements are named at random
+        assert contents[0] == contents[1]
+
+
+def test_other_endings_are_refused(tmp_path):
+    with pytest.raises(InvalidInput, match=r"\.png, \.pdf, \.svg, got .*a\.jpg"):
+        save_figure(tmp_path / "a.jpg", blank_figure(2.0, 2.0))
+    assert not list(tmp_path.iterdir())
+
+
+def test_thinning_keeps_small_clouds_and_bounds_large_ones():
+    np.testing.assert_array_equal(thinned_rows(5), np.arange(5))
+    rows = thinned_rows(1_000_001)
+    assert 30_000 < len(rows) <= 60_000
+    assert len(np.unique(np.diff(rows))) == 1
+    assert rows[-1] < 1_000_001
+
+
+@pytest.mark.parametrize("count", [0, 1, 10, 10_000])
+def test_mingling_is_an_order_in_which_no_part_comes_last(count):
+    order = mingled(count)
+    np.testing.assert_array_equal(np.sort(order), np.arange(count))
+    if count > 100:
+        halves = order[count // 2 :] < count // 2
+        assert 0.45 < halves.mean() < 0.55
+
+
+def test_a_window_holds_nearly_all_and_forgets_the_farthest():
+    rng = np.random.default_rng(0)
+    view = rng.uniform([90.0, 40.0], [110.0, 60.0], (5000, 2))
+    view[:10] = 1e6
+    middle, half = window_around(view[:2500], view[2500:])
+    np.testing.assert_allclose(middle, [100.0, 50.0], atol=0.5)
+    assert 9.0 < half < 12.0
+
+
+@pytest.mark.parametrize("views", [[], [np.empty((0, 2))], [np.zeros((4, 2))]])
+def test_a_window_around_nothing_is_still_a_window(views):
+    middle, half = window_around(*views)
+    assert middle.tolist() == [0.0, 0.0]
+    assert half == 1.0
+
+
+def test_the_densest_square_is_where_all_views_have_points():
+    rng = np.random.default_rng(0)
+    common = rng.uniform(12.0, 18.0, (500, 2))
+    first = np.concatenate([common, rng.uniform(-30.0, -10.0, (5000, 2))])
+    second = np.concatenate([common, rng.uniform([-30.0, 10.0], [-10.0, 30.0], (5000, 2))])
+    middle, half = np.zeros(2), 30.0
+    corner = densest_square([first, second], middle, half, 10.0)
+    assert (corner <= 12.5).all()
+    assert (corner + 10.0 >= 17.5).all()
+
+
+@pytest.mark.parametrize("views", [[np.empty((0, 2))], [np.full((3, 2), 99.0)]])
+def test_the_densest_square_of_an_empty_map_lies_in_it(views):
+    corner = densest_square(views, np.zeros(2), 1.0, 5.0)
+    assert corner.tolist() == [-1.0, -1.0]
+
+
+def test_views_are_square_maps_and_frames_mark_their_parts():
+    figure = blank_figure(4.0, 4.0)
+    axes = figure.subplots()
+    square_view(axes, np.array([5.0, 1.0]), 2.0, ("x [m]", "y [m]"))
+    assert (axes.get_xlim(), axes.get_ylim()) == ((3.0, 7.0), (-1.0, 3.0))
+    assert axes.get_aspect() == 1.0
+    frame(axes, np.array([4.0, 0.0]), 1.5)
+    [rectangle] = axes.patches
+    assert (rectangle.get_xy(), rectangle.get_width()) == ((4.0, 0.0), 1.5)
+    legend_below(figure, {"one": "#000000", "other": "#ffffff"})
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one", "other"]

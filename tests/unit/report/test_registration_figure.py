@@ -1,0 +1,94 @@
+import math
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba_array
+
+from reference.samples import street, yaw_pose
+from scanlock import Pose, Registration, Status, segment
+from scanlock.report.canvas import ALARM, BLUE, INK, VERMILION, save_figure
+from scanlock.report.registration_figure import registration_figure
+
+MOTION = yaw_pose(0.2, (2.0, 1.0, 0.0))
+
+
+def _result(pose=MOTION, status=Status.OK, overlap=0.8):
+    return Registration(pose, status, "a reason", "a-method", overlap, 0.7, (), {"total": 0.1})
+
+
+@pytest.fixture(scope="module")
+def scans():
+    return street(1), MOTION.inverse().apply(street(2))
+
+
+def _points_in(axes, colour):
+    [dots] = axes.collections
+    mine = (dots.get_facecolors() == to_rgba_array(colour)).all(axis=1)
+    return np.sort(np.asarray(dots.get_offsets())[mine], axis=0)
+
+
+def _standing(points, pose=None):
+    kept = points[~segment(points).is_ground]
+    return np.sort((pose or Pose.identity()).apply(kept)[:, :2], axis=0)
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_the_scene_is_drawn_before_and_after_over_the_reference(scans, row):
+    figure = registration_figure(*scans, _result())
+    before, after = figure.axes[2 * row : 2 * row + 2]
+    for axes, pose in ((before, Pose.identity()), (after, MOTION)):
+        np.testing.assert_array_equal(_points_in(axes, BLUE), _standing(scans[0]))
+        np.testing.assert_allclose(_points_in(axes, VERMILION), _standing(scans[1], pose))
+    assert before.get_xlim() == after.get_xlim()
+
+
+def test_before_means_at_the_initial_pose(scans):
+    start = yaw_pose(-0.3, (0.0, 4.0, 0.0))
+    figure = registration_figure(*scans, _result(), initial=start)
+    np.testing.assert_allclose(_points_in(figure.axes[0], VERMILION), _standing(scans[1], start))
+
+
+def test_the_close_up_is_the_framed_part(scans):
+    figure = registration_figure(*scans, _result())
+    [rectangle] = figure.axes[1].patches
+    x, y = rectangle.get_xy()
+    close = figure.axes[3]
+    assert close.get_xlim() == pytest.approx((x, x + rectangle.get_width()))
+    assert close.get_ylim() == pytest.approx((y, y + rectangle.get_height()))
+    inside = _points_in(close, BLUE)
+    assert ((inside > [x, y]) & (inside < [x + 20, y + 20])).any()
+
+
+@pytest.mark.parametrize(
+    ("result", "truth", "parts", "colour"),
+    [
+        (_result(), None, ["a-method: ok", "turned 11.46°", "overlap 80 %"], INK),
+        (_result(), MOTION, ["off by 0.0 cm and 0.000°"], INK),
+        (_result(status=Status.LOW_OVERLAP), None, ["a-method: low overlap"], ALARM),
+    ],
+)
+def test_the_title_says_the_status_and_the_error(scans, result, truth, parts, colour):
+    title = registration_figure(*scans, result, truth=truth)._suptitle
+    assert all(part in title.get_text() for part in parts)
+    assert title.get_color() == colour
+
+
+def test_a_registration_of_nothing_has_a_picture_too(tmp_path):
+    flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
+    result = _result(Pose.identity(), Status.NO_FEATURES, math.nan)
+    figure = registration_figure(flat, flat, result)
+    assert "overlap" not in figure._suptitle.get_text()
+    save_figure(tmp_path / "pair.png", figure)
+    assert (tmp_path / "pair.png").stat().st_size > 10_000
+
+
+def test_map_coordinates_are_drawn_about_their_own_origin(scans):
+    far = np.array([4e5, 5e6, 0.0])
+    shift = Pose(np.eye(3), far)
+    pose = shift @ MOTION @ shift.inverse()
+    figure = registration_figure(scans[0] + far, scans[1] + far, _result(pose))
+    assert np.abs(figure.axes[1].get_xlim()).max() < 100.0
+    near = registration_figure(*scans, _result())
+    assert np.diff(figure.axes[1].get_xlim()) == pytest.approx(
+        np.diff(near.axes[1].get_xlim()), rel=1e-3
+    )
