@@ -1,5 +1,5 @@
 """The command line: one file a command; parse, call, print."""
 
+from scanlock.cli.app import main
 
-def main() -> None:
-    """Run the command line."""
+__all__ = ["main"]

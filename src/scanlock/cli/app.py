@@ -1,0 +1,90 @@
+"""The commands, and what becomes of their answers and errors.
+
+Only Cyclopts is imported here, and a command's own file only when it is asked for: help must
+come at once, and NumPy, SciPy and Numba take seconds.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from scanlock import __version__
+from scanlock.cli.commands import COMMANDS
+from scanlock.cli.faults import complain, one_line, usage_fault
+from scanlock.errors import ScanlockError
+
+OK, FAULT, NOT_REGISTERED, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
+"""Exit codes; the last two are 128 and the number of the signal, as shells have it."""
+
+_EPILOGUE = """\
+Examples:
+  scanlock demo
+  scanlock register reference.bin scene.bin -o pose.txt
+  scanlock COMMAND --help
+"""
+
+
+def build_app() -> App:
+    """Return the parser of the command line; a command is imported once it is asked for."""
+    app = App(
+        name="scanlock",
+        help="Lock 3D lidar scans together: fast, from far starts, and honest about failure.",
+        version=f"scanlock {__version__}",
+        # Markdown would take a quarter of a second to import.
+        help_format="plaintext",
+        help_formatter="default" if sys.stdout.isatty() else "plain",
+        help_epilogue=_EPILOGUE,
+        suppress_keyboard_interrupt=False,
+    )
+    for order, (name, command) in enumerate(COMMANDS.items()):
+        app.command(
+            command.path,
+            name=name,
+            help=command.help,
+            help_epilogue=command.epilogue,
+            sort_key=order,
+        )
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        What follows the name of the program; ``sys.argv`` by default.
+
+    Returns
+    -------
+    int
+        0 done; 1 wrong arguments or files, told in one line on stderr; 2 a registration that is
+        not to be trusted; 130 interrupted; 141 the reader of the output went away.
+    """
+    try:
+        code = build_app()(
+            None if arguments is None else list(arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+        sys.stdout.flush()
+    except CycloptsError as error:
+        complain(usage_fault(error))
+    except BrokenPipeError:
+        _forget_stdout()
+        return PIPE_CLOSED
+    except (ScanlockError, OSError) as error:
+        complain(one_line(error))
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    else:
+        return code if isinstance(code, int) else OK
+    return FAULT
+
+
+def _forget_stdout() -> None:
+    # Python flushes stdout once more on its way out, and would complain about the closed pipe.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,21 @@
+"""The types of options that several commands have.
+
+The names repeat the keys of the dictionaries they come from, because importing those would make
+help wait for Numba; a test holds the two together.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+MethodName = Literal["sgc-ndt-d2d", "sgc-ndt-p2d"]
+FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]
+SceneName = Literal["street", "forest"]
+SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]
+
+Flag = Annotated[bool, Parameter(negative="", show_default=False)]
+"""An option that is off unless it is given."""
+
+OutputFile = Annotated[Path | None, Parameter(name=["--output", "-o"])]
+"""A file to write, if wanted."""

@@ -1,0 +1,87 @@
+"""The commands: where each one lives, and what help says of it beyond its options."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Command:
+    """One command, not imported before it is asked for."""
+
+    path: str
+    """Module and function."""
+
+    help: str
+    """What it does, in a line."""
+
+    epilogue: str
+    """What its help ends with."""
+
+
+_READING = """\
+Scans: .bin (KITTI), .npy, .npz, .pcd, .ply, .las, .laz, .txt, .xyz, .csv and more.
+"""
+
+COMMANDS = {
+    "demo": Command(
+        path="scanlock.cli.demo:demo",
+        help="Register two simulated scans of a street and compare with the exact pose.",
+        epilogue="""\
+Examples:
+  scanlock demo
+  scanlock demo -o /tmp/demo --seed 7
+""",
+    ),
+    "register": Command(
+        path="scanlock.cli.register:register",
+        help="Find the pose that carries one scan onto another, and whether to trust it.",
+        epilogue=f"""\
+Examples:
+  scanlock register reference.bin scene.bin
+  scanlock register reference.pcd scene.pcd -o pose.txt --picture pair.png
+  scanlock register reference.las scene.las --initial guess.txt --json
+
+Exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted (the
+reason is printed), 1 for wrong arguments or files.
+
+{_READING}""",
+    ),
+    "segment": Command(
+        path="scanlock.cli.segment:segment",
+        help="Find the ground and the clusters that stand on it.",
+        epilogue=f"""\
+Examples:
+  scanlock segment scan.bin -o labels.npy
+  scanlock segment scan.pcd -o coloured.ply --picture scan.png
+
+Labels follow the rows of the scan: 0 ground, 1 and up clusters, -1 neither. In
+.label files they are SemanticKITTI's: 49 ground, 99 with an instance number for
+clusters, 0 neither. Scan files (.ply, .pcd, ...) get a further field.
+
+{_READING}""",
+    ),
+    "info": Command(
+        path="scanlock.cli.info:info",
+        help="Say what is in a scan file: fields, extent, oddities, and some guesses.",
+        epilogue=f"""\
+Examples:
+  scanlock info scan.pcd
+  scanlock info scan.bin --columns "x y z ring" --json
+
+{_READING}""",
+    ),
+    "simulate": Command(
+        path="scanlock.cli.simulate:simulate",
+        help="Make scans with exact poses and labels.",
+        epilogue="""\
+Examples:
+  scanlock simulate street -o drive --scans 20 --every 10
+  scanlock simulate forest -o forest --sensor os1-64 --format pcd
+""",
+    ),
+    "warmup": Command(
+        path="scanlock.cli.warm_up:warm_up",
+        help="Compile everything now, so that no later command has to.",
+        epilogue="",
+    ),
+}
+"""Every command by name, in the order of help."""

@@ -1,0 +1,91 @@
+"""Scan files as the commands read them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+
+from scanlock.cli.choices import FormatName
+
+if TYPE_CHECKING:
+    from scanlock.arrays import Points, Vector
+    from scanlock.io import ScanFile
+
+_GROUP = Group("How scans are read", sort_key=10)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedScan:
+    """A scan file, and the points to compute with.
+
+    Attributes
+    ----------
+    path : Path
+    file : ScanFile
+        The contents, untouched.
+    points : (n, 3) [m]
+        Row by row as in the file, with NaN for the rows at (0, 0, 0): drivers write them where
+        nothing came back, and as points they would pile up at the sensor.
+    blanks : int
+        How many such rows there are.
+    """
+
+    path: Path
+    file: "ScanFile"
+    points: "Points"
+    blanks: int
+
+    @property
+    def returns(self) -> "Points":
+        """The points without the blank rows."""
+        return self.points[~(self.file.points == 0.0).all(axis=1)] if self.blanks else self.points
+
+    def centre(self) -> "Vector":
+        """Return the (3,) place [m] whose motion is worth telling.
+
+        The origin, which is the sensor; in map coordinates the middle of the scan, since a turn
+        about their far origin would look like a long way.
+        """
+        from scanlock.clouds.point_cloud import PointCloud
+
+        return PointCloud.from_array(self.points).origin
+
+    def summary(self) -> str:
+        """Return the name of the file and how many points it has, for people."""
+        text = f"{self.path}, {len(self.points):,} points"
+        return f"{text}, {self.blanks:,} of them blank (0, 0, 0)" if self.blanks else text
+
+
+@Parameter(name="*", group=_GROUP)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reading:
+    """How scan files are read; the files themselves tell, where they can."""
+
+    format: Annotated[FormatName | None, Parameter(help="Format, where the name misleads.")] = None
+    """Key of `scanlock.io.FORMATS`."""
+
+    columns: Annotated[
+        str | None,
+        Parameter(help='Columns of a file without names: 4, or "x y z intensity".'),
+    ] = None
+    """How many columns a headerless file has, or what they are called."""
+
+    def wanted_columns(self) -> int | str | None:
+        """Return `columns` as `scanlock.io.read_scan` wants it."""
+        text = self.columns
+        return int(text) if text is not None and text.strip().isdecimal() else text
+
+    def load(self, path: Path) -> LoadedScan:
+        """Return the contents of a scan file; errors as in `scanlock.io.read_scan`."""
+        import numpy as np
+
+        from scanlock.io import read_scan
+
+        file = read_scan(path, self.format, columns=self.wanted_columns())
+        blank = (file.points == 0.0).all(axis=1)
+        if not blank.any():
+            return LoadedScan(path, file, file.points, 0)
+        return LoadedScan(
+            path, file, np.where(blank[:, None], np.nan, file.points), int(blank.sum())
+        )

@@ -1,0 +1,126 @@
+"""``scanlock register``: the pose between two scan files."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from scanlock.cli.choices import Flag, MethodName, OutputFile
+from scanlock.cli.reading import LoadedScan, Reading
+
+if TYPE_CHECKING:
+    from scanlock.geometry.pose import Pose
+    from scanlock.registration.result import Registration
+
+
+def register(
+    reference: Path,
+    scene: Path,
+    /,
+    *,
+    method: MethodName = "sgc-ndt-d2d",
+    initial: Path | None = None,
+    output: OutputFile = None,
+    picture: Path | None = None,
+    json: Flag = False,
+    verbose: Annotated[Flag, Parameter(name=["--verbose", "-v"])] = False,
+    reading: Reading | None = None,
+) -> int:
+    """Find the pose that carries the scene onto the reference, and whether to trust it.
+
+    Parameters
+    ----------
+    reference : Path
+        The scan that stays.
+    scene : Path
+        The scan that moves.
+    method : str
+        How to register.
+    initial : Path
+        Pose to start from (4x4 matrix in text, .json or .npy); no motion by default.
+    output : Path
+        Where to write the pose: .txt or .npy (4x4 matrix), or .json (whole result).
+    picture : Path
+        Where to draw both scans before and after: .png, .pdf or .svg.
+    json : bool
+        Print the whole result as JSON, and nothing else.
+    verbose : bool
+        Also show every step of the solver.
+
+    Returns
+    -------
+    int
+        The exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted.
+    """
+    from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.results import show_history, show_registration
+    from scanlock.cli.saving import POSE_ENDINGS, require_ending, require_picture, save_pose
+    from scanlock.cli.screen import print_json, print_line
+    from scanlock.registration.register import register as registered
+
+    if output is not None:
+        require_ending(output, POSE_ENDINGS, "the pose file")
+    if picture is not None:
+        require_picture(picture)
+    begin = time.perf_counter()
+    start = None if initial is None else _read_initial(initial)
+    target, source = ((reading or Reading()).load(path) for path in (reference, scene))
+    read_time = time.perf_counter() - begin
+    with compile_watch() as watch:
+        result = registered(
+            source=source.returns, target=target.returns, method=method, initial=start
+        )
+    content = _content(result, target, source, read_time, verbose)
+    if output is not None:
+        save_pose(output, result.target_from_source, content)
+    if picture is not None:
+        _draw(picture, target, source, result, start)
+    if json:
+        print_json(content)
+        return 0 if result.ok else 2
+    show_registration(
+        result,
+        target.summary(),
+        source.summary(),
+        centre=source.centre(),
+        first_stage=("read", read_time),
+        compiled=watch.compiled,
+    )
+    if verbose:
+        show_history(result)
+    for path in (output, picture):
+        if path is not None:
+            print_line(f"wrote {path}")
+    return 0 if result.ok else 2
+
+
+def _read_initial(path: Path) -> "Pose":
+    from scanlock.io import read_pose
+
+    return read_pose(path)
+
+
+def _content(
+    result: "Registration", target: LoadedScan, source: LoadedScan, read_time: float, verbose: bool
+) -> dict[str, Any]:
+    from scanlock.cli.results import history_content
+
+    content = {
+        "reference": str(target.path),
+        "scene": str(source.path),
+        **result.as_dict(),
+        "read_s": read_time,
+    }
+    return {**content, "history": history_content(result)} if verbose else content
+
+
+def _draw(
+    path: Path, target: LoadedScan, source: LoadedScan, result: "Registration", start: "Pose | None"
+) -> None:
+    from scanlock.cli.saving import make_room
+    from scanlock.report.canvas import save_figure
+    from scanlock.report.registration_figure import registration_figure
+
+    make_room(path)
+    save_figure(path, registration_figure(target.returns, source.returns, result, initial=start))

@@ -1,0 +1,140 @@
+"""A registration as people read it."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from scanlock.cli.screen import Facts, print_facts, print_status, print_table
+
+if TYPE_CHECKING:
+    from scanlock.arrays import Vector
+    from scanlock.geometry.pose import Pose
+    from scanlock.registration.result import Registration
+
+
+def show_registration(
+    result: "Registration",
+    reference: str,
+    scene: str,
+    *,
+    centre: "Vector",
+    first_stage: tuple[str, float],
+    compiled: bool,
+    truth: "Pose | None" = None,
+) -> None:
+    """Print a registration: the verdict first, then the pose, then how it came about.
+
+    Parameters
+    ----------
+    result : Registration
+    reference, scene : str
+        What was registered, as it is to be called.
+    centre : (3,) [m]
+        The place in the scene whose motion is told.
+    first_stage : str and float [s]
+        What it took to have the scans at all, which the total leaves out.
+    compiled : bool
+        Whether kernels were compiled meanwhile.
+    truth : Pose, optional
+        The true pose, if it is known.
+    """
+    status = result.status.value.replace("_", " ")
+    rows: Facts = [
+        ("why", result.reason),
+        ("reference", f"{reference} (stays)"),
+        ("scene", f"{scene} (moves)"),
+        ("method", f"{result.method}, {result.iterations} evaluations"),
+        *_motion(result.target_from_source, centre),
+    ]
+    if truth is not None:
+        rows.append(("error", _error(result.target_from_source, truth)))
+    if not math.isnan(result.overlap):
+        rows.append(("overlap", f"{100 * result.overlap:.0f} % of the scene meets the reference"))
+        rows.append(("score", f"{result.score:.2f}, of 1 for identical scans"))
+    pose = _matrix(result.target_from_source)
+    rows.append(("pose", f"rotation and translation [m], reference from scene\n{pose}"))
+    if truth is not None:
+        rows.append(("truth", _matrix(truth)))
+    rows.append(("time", _time(result.timings, first_stage, compiled)))
+    rows.extend(("note", note) for note in result.notes)
+    print_status(status, "scene onto reference", good=result.ok)
+    print_facts(rows)
+
+
+def show_history(result: "Registration") -> None:
+    """Print every evaluation of the objective on the way, in the runs of the solver."""
+    heads = ("run", "evaluation", "value", "step [m]", "gradient", "accepted")
+    rows = [
+        [
+            str(step["run"]),
+            str(number),
+            f"{step['value']:.6f}",
+            f"{step['step_norm_m']:.2e}",
+            f"{step['gradient_norm']:.2e}",
+            "yes" if step["accepted"] else "no",
+        ]
+        for number, step in enumerate(history_content(result), start=1)
+    ]
+    print_table(heads, rows)
+
+
+def history_content(result: "Registration") -> list[dict[str, Any]]:
+    """Return every evaluation of the objective as plain numbers for JSON.
+
+    The solver runs once at each scale of each descent; a run begins by evaluating the pose that
+    it is given, which is no step.
+    """
+    content: list[dict[str, Any]] = []
+    run = 0
+    for step in result.history:
+        run += step.step_norm == 0.0
+        content.append(
+            {
+                "run": run,
+                "value": step.value,
+                "step_norm_m": step.step_norm,
+                "gradient_norm": step.gradient_norm,
+                "accepted": step.accepted,
+            }
+        )
+    return content
+
+
+def _motion(pose: "Pose", centre: "Vector") -> Facts:
+    from scanlock.geometry.rotations import log_rotation
+
+    shift = pose.apply(centre) - centre
+    turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
+    about = "" if not centre.any() else f" at {_triple(centre, 0)} m"
+    return [
+        ("moved", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
+        ("turned", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
+    ]
+
+
+def _error(pose: "Pose", truth: "Pose") -> str:
+    metres, radians = pose.distance(truth)
+    return f"{100 * metres:.2f} cm and {math.degrees(radians):.3f} deg from the exact pose"
+
+
+def _triple(values: "Vector | list[float]", digits: int) -> str:
+    # Adding zero turns -0.0 into 0.0.
+    return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
+
+
+def _matrix(pose: "Pose") -> str:
+    rows = pose.matrix[:3]
+    width = max(len(f"{value:.4f}") for value in rows[:, 3])
+    return "\n".join(
+        " ".join(f"{value + 0.0:9.6f}" for value in row[:3]) + f"  {row[3]:{width}.4f}"
+        for row in rows
+    )
+
+
+def _time(timings: Mapping[str, float], first: tuple[str, float], compiled: bool) -> str:
+    stages = dict(timings)
+    total = stages.pop("total")
+    split = ", ".join(f"{name} {1e3 * seconds:.0f}" for name, seconds in stages.items())
+    remark = "\nmost of it for compiling, which later runs need not" if compiled else ""
+    name, seconds = first
+    return f"{1e3 * total:.0f} ms: {split}; before that {name} {1e3 * seconds:.0f}{remark}"

@@ -1,0 +1,52 @@
+import json
+
+import numpy as np
+
+from scanlock.io import describe_scan, write_scan
+
+
+def test_json_is_the_description(scanlock, scans):
+    done = scanlock("info", scans / "gaps.pcd", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out) == json.loads(
+        json.dumps(describe_scan(scans / "gaps.pcd").as_dict())
+    )
+
+
+def test_people_read_the_facts_and_then_the_guesses(scanlock, scans):
+    done = scanlock("info", scans / "gaps.pcd")
+    lines = done.out.splitlines()
+    assert lines[0] == str(scans / "gaps.pcd")
+    facts, guesses = done.out.split("guesses, any of which may be wrong\n")
+    assert "  points       6,000, 600 columns x 10 rows\n" in facts
+    assert "600 with NaN or Inf, 600 at (0, 0, 0)\n" in facts
+    assert "  fields       intensity float32, 0 to 5999\n" in facts
+    assert "sensor" in guesses
+    assert "max range" in guesses
+    assert max(map(len, lines[1:])) <= 80
+
+
+def test_names_of_columns_can_be_given(scanlock, scans):
+    done = scanlock("info", scans / "float32.bin", "--columns", "x y z", "--json")
+    assert (json.loads(done.out)["points"], json.loads(done.out)["fields"]) == (6000, [])
+    assert scanlock("info", scans / "float32.bin", "--columns", "x y").code == 1
+
+
+def test_many_fields_are_cut_short(scanlock, tmp_path):
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    fields = {f"field_{k}": np.full(50, np.nan) for k in range(30)}
+    write_scan(tmp_path / "wide.ply", points, fields)
+    out = scanlock("info", tmp_path / "wide.ply").out
+    assert "field_23 float64\n" in out
+    assert "field_24" not in out
+    assert "and 6 more\n" in out
+
+
+def test_map_coordinates_and_times_are_told(scanlock, tmp_path):
+    points = np.random.default_rng(0).uniform([4e5, 5e6, 0.0], [4e5 + 30, 5e6 + 30, 30], (500, 3))
+    fields = {"ring": np.arange(500) % 16, "time": np.linspace(0.0, 0.1, 500)}
+    write_scan(tmp_path / "far.ply", points, fields)
+    text = " ".join(scanlock("info", tmp_path / "far.ply").out.split())
+    assert "map coordinates: (40001" in text
+    assert "rings 16 in ring" in text
+    assert "time time in s, over 0.1 s" in text

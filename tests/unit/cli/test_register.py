@@ -1,0 +1,198 @@
+import json
+
+import numpy as np
+import pytest
+
+from scanlock.geometry.pose import Pose
+from scanlock.io import read_pose
+
+
+def _error(matrix, scans):
+    return Pose.from_matrix(matrix).distance(Pose.from_matrix(np.load(scans / "truth.npy")))
+
+
+@pytest.fixture(scope="module")
+def pair(scans):
+    return scans / "reference.npy", scans / "scene.npy"
+
+
+def test_the_scene_is_carried_onto_the_reference(scanlock, scans, pair):
+    done = scanlock("register", *pair, "--json")
+    assert (done.code, done.err) == (0, "")
+    result = json.loads(done.out)
+    metres, radians = _error(result["target_from_source"], scans)
+    assert metres < 0.1
+    assert radians < 0.01
+    assert (result["status"], result["method"]) == ("ok", "sgc-ndt-d2d")
+    assert (result["reference"], result["scene"]) == tuple(map(str, pair))
+    assert "history" not in result
+
+
+def test_people_read_the_verdict_first_and_what_moves_onto_what(scanlock, pair):
+    done = scanlock("register", *pair)
+    lines = done.out.splitlines()
+    assert lines[0] == "ok  scene onto reference"
+    joined = " ".join(done.out.split())
+    assert f"reference {pair[0]}, 6,000 points (stays)" in joined
+    assert f"scene {pair[1]}, 6,000 points (moves)" in joined
+    for name in ("why", "moved", "turned", "overlap", "score", "pose", "time"):
+        assert any(line.split()[:1] == [name] for line in lines)
+    for stage in ("check", "ground", "clusters", "gaussians", "align", "verdict", "read"):
+        assert f" {stage} " in joined
+    [turned] = [line.split() for line in lines if line.split()[:1] == ["turned"]]
+    assert (float(turned[1]), turned[2]) == (pytest.approx(np.degrees(0.15), abs=0.5), "deg:")
+    assert "\x1b" not in done.out
+
+
+def test_every_file_keeps_the_pose_to_the_last_bit(scanlock, pair, tmp_path):
+    files = [tmp_path / "new" / f"pose{ending}" for ending in (".txt", ".npy", ".json")]
+    printed = json.loads(scanlock("register", *pair, "--json", "-o", files[0]).out)
+    for path in files[1:]:
+        assert scanlock("register", *pair, "-o", path).code == 0
+    matrix = np.array(printed["target_from_source"])
+    np.testing.assert_array_equal(np.loadtxt(files[0]), matrix)
+    np.testing.assert_array_equal(np.load(files[1]), matrix)
+    saved = json.loads(files[2].read_text())
+    np.testing.assert_array_equal(saved["target_from_source"], matrix)
+    assert saved.keys() == printed.keys()
+
+
+@pytest.mark.parametrize("ending", [".txt", ".npy", ".json"])
+def test_a_pose_that_was_written_is_a_pose_to_start_from(scanlock, scans, pair, tmp_path, ending):
+    path = tmp_path / f"pose{ending}"
+    scanlock("register", *pair, "-o", path)
+    again = scanlock("register", *pair, "--initial", path, "--json")
+    assert again.code == 0
+    # Started where the first one ended, the finest scale agrees.
+    metres, radians = read_pose(path).distance(
+        Pose.from_matrix(json.loads(again.out)["target_from_source"])
+    )
+    assert metres < 1e-3
+    assert radians < 1e-4
+
+
+def test_a_registration_that_failed_still_prints_and_exits_with_2(scanlock, scans, tmp_path):
+    path = tmp_path / "pose.json"
+    done = scanlock("register", scans / "reference.npy", scans / "elsewhere.npy", "-o", path)
+    assert (done.code, done.err) == (2, "")
+    saved = json.loads(path.read_text())
+    assert saved["status"] != "ok"
+    assert done.out.startswith(saved["status"].replace("_", " ") + "  ")
+    assert saved["reason"] in " ".join(done.out.split())
+
+
+def test_a_failure_in_json_is_json_too(scanlock, scans, tmp_path):
+    flat = np.random.default_rng(0).uniform(-20.0, 20.0, (3000, 3)) * [1.0, 1.0, 0.0]
+    np.save(tmp_path / "flat.npy", flat)
+    done = scanlock("register", scans / "reference.npy", tmp_path / "flat.npy", "--json")
+    assert done.code == 2
+    result = json.loads(done.out)
+    assert result["status"] == "no_features"
+    assert result["overlap"] is None
+
+
+def test_verbose_shows_each_step_of_each_run_of_the_solver(scanlock, pair):
+    done = scanlock("register", *pair, "--verbose")
+    table = done.out[done.out.index("  run  ") :].splitlines()
+    assert " ".join(table[0].split()) == "run evaluation value step [m] gradient accepted"
+    rows = [line.split() for line in table[1:]]
+    assert [int(row[1]) for row in rows] == list(range(1, len(rows) + 1))
+    runs = [int(row[0]) for row in rows]
+    assert runs == np.cumsum([float(row[3]) == 0.0 for row in rows]).tolist()
+    assert runs[-1] >= 5  # one for each scale, at least
+    full = json.loads(scanlock("register", *pair, "--verbose", "--json").out)
+    assert len(full["history"]) == full["iterations"] == len(rows)
+    assert [step["run"] for step in full["history"]] == runs
+
+
+def test_the_other_method_is_there_by_name(scanlock, pair):
+    done = scanlock("register", *pair, "--method", "sgc-ndt-p2d", "--json")
+    assert json.loads(done.out)["method"] == "sgc-ndt-p2d"
+
+
+def test_rows_without_a_return_are_left_out(scanlock, scans):
+    done = scanlock("register", scans / "reference.npy", scans / "gaps.pcd", "--json")
+    assert done.code == 0
+    matrix = np.array(json.loads(done.out)["target_from_source"])
+    assert np.abs(matrix - np.eye(4)).max() < 0.02
+    text = " ".join(scanlock("register", scans / "reference.npy", scans / "gaps.pcd").out.split())
+    assert "6,000 points, 600 of them blank (0, 0, 0) (moves)" in text
+
+
+def test_map_coordinates_tell_the_motion_where_the_scan_is(scanlock, scans, tmp_path):
+    far = np.array([500_000.0, 5_400_000.0, 100.0])
+    for name in ("reference", "scene"):
+        np.save(tmp_path / f"{name}.npy", np.load(scans / f"{name}.npy") + far)
+    done = scanlock("register", tmp_path / "reference.npy", tmp_path / "scene.npy", "-o",
+                    tmp_path / "pose.txt")  # fmt: skip
+    assert done.code == 0
+    moved = next(line for line in done.out.splitlines() if line.split()[:1] == ["moved"])
+    assert float(moved.split()[1]) < 4.0
+    assert "at 50" in " ".join(done.out.split())
+    carried = read_pose(tmp_path / "pose.txt").apply(np.load(tmp_path / "scene.npy")[:5])
+    truth = Pose.from_matrix(np.load(scans / "truth.npy"))
+    expected = truth.apply(np.load(scans / "scene.npy")[:5]) + far
+    assert np.abs(carried - expected).max() < 0.3
+
+
+def test_a_picture_is_drawn(scanlock, pair, tmp_path):
+    path = tmp_path / "new" / "pair.png"
+    done = scanlock("register", *pair, "--picture", path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert done.out.endswith(f"wrote {path}\n")
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "parts"),
+    [
+        ("-o", "pose.jsn", [".txt, .json, .npy", "did you mean .json?"]),
+        ("-o", "pose", [".txt, .json, .npy"]),
+        ("--picture", "pair.jpeg", [".png, .pdf, .svg"]),
+    ],
+)
+def test_an_unknown_ending_is_told_before_the_work(scanlock, tmp_path, option, name, parts):
+    done = scanlock("register", "nowhere.bin", "nowhere.bin", option, tmp_path / name)
+    assert done.code == 1
+    assert all(part in done.err for part in parts)
+    assert "nowhere" not in done.err
+
+
+def test_a_picture_without_matplotlib_says_what_to_install(scanlock, monkeypatch, pair, tmp_path):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    done = scanlock("register", *pair, "--picture", tmp_path / "pair.png")
+    assert (done.code, done.out) == (1, "")
+    assert 'pip install "scanlock[figures]"' in done.err
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("refrence.npy", ["no such scan file", "did you mean reference.npy?"]),
+        ("cut.bin", ["cut.bin: "]),
+        ("noise.ply", ["noise.ply: "]),
+        (".", ["found a folder"]),
+    ],
+)
+def test_a_bad_file_is_one_line_with_what_to_do(scanlock, scans, name, parts):
+    done = scanlock("register", scans / "reference.npy", scans / name)
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert all(part in done.err for part in parts)
+
+
+def test_a_bad_initial_pose_names_its_file(scanlock, pair, tmp_path):
+    path = tmp_path / "guess.txt"
+    path.write_text("1 2 3\n4 5 6\n")
+    done = scanlock("register", *pair, "--initial", path)
+    assert done.code == 1
+    assert str(path) in done.err
+
+
+def test_a_format_can_be_given_where_the_name_misleads(scanlock, scans, tmp_path):
+    odd = tmp_path / "scan.dat"
+    odd.write_bytes((scans / "float32.bin").read_bytes())
+    assert scanlock("register", odd, odd).code == 1
+    done = scanlock("register", odd, odd, "--format", "bin", "--columns", "3", "--json")
+    assert done.code == 0
+    assert np.abs(np.array(json.loads(done.out)["target_from_source"]) - np.eye(4)).max() < 1e-6

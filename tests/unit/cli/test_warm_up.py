@@ -1,0 +1,64 @@
+import os
+import re
+import subprocess
+import sys
+
+_USED_AFTERWARDS = """
+import contextlib, importlib, io, pathlib, pkgutil, re
+import scanlock, scanlock.kernels
+from scanlock.cli import main
+with contextlib.redirect_stdout(io.StringIO()) as out:
+    assert main(["warmup"]) == 0
+assert "compiled" in out.getvalue()
+assert "kept in" in out.getvalue()
+
+package = pathlib.Path(scanlock.__file__).parent
+callers = "".join(
+    path.read_text() for path in package.rglob("*.py") if path.parent.name != "kernels"
+)
+cold = []
+for module in pkgutil.iter_modules(scanlock.kernels.__path__):
+    for name, value in vars(importlib.import_module(f"scanlock.kernels.{module.name}")).items():
+        if name.startswith("_"):
+            continue
+        if hasattr(value, "signatures") and re.search(rf"\\b{name}\\b", callers):
+            if len(value.signatures) != 1:
+                cold.append((module.name, name, len(value.signatures)))
+print(cold)
+"""
+
+
+def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", _USED_AFTERWARDS],
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_a_second_time_there_is_nothing_to_compile(scanlock):
+    scanlock("warmup")
+    done = scanlock("warmup")
+    assert (done.code, done.err) == (0, "")
+    first, second = done.out.splitlines()
+    assert re.fullmatch(r"everything was compiled already; loaded it in [\d.]+ s", first)
+    assert second.startswith("kept in ")
+    assert os.path.isdir(second.removeprefix("kept in "))
+
+
+def test_without_a_place_to_keep_it_the_remedy_is_named(scanlock, monkeypatch):
+    from scanlock.kernels import polar
+
+    class Stats:
+        cache_path = None
+
+    class Kernel:
+        stats = Stats()
+
+    monkeypatch.setattr(polar, "polar_cells", Kernel())
+    from scanlock.cli.warm_up import _where_it_is_kept
+
+    assert "NUMBA_CACHE_DIR" in _where_it_is_kept()
