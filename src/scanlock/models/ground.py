@@ -1,7 +1,8 @@
 """Ground segmentation: chi of Das et al. 2013, section IV.
 
-Polar prototypes, a base plane through them, one Gaussian process per sector about that plane
-grown by incremental sample consensus (INSAC), and a decision for every point.
+The lowest point of each polar cell is a prototype. A base plane through the prototypes levels
+the cloud, a base surface of patches grows from it, and about that surface one Gaussian process
+per sector grows by incremental sample consensus (INSAC). Every point is decided.
 """
 
 import math
@@ -45,9 +46,9 @@ class GroundFinder:
     """
 
     form: Literal["corrected", "published"] = "corrected"
-    """Corrected: heights about a base plane, decided against the model, uncertain sectors
-    helped by their neighbours. Published: heights about the sensor's own, decided against the
-    lowest point of each cell."""
+    """Corrected: processes about a base surface, uncertain sectors helped by their neighbours,
+    points decided against the model. Published: processes about the height of the sensor, points
+    decided against the lowest one of their cell."""
 
     grid: PolarGrid = field(
         default_factory=lambda: PolarGrid(
@@ -124,7 +125,8 @@ class GroundFinder:
 
         Its defects are part of it: the variance gate never closes, residuals of 2.7 m pass,
         and away from its prototypes the model drifts back to the height of the sensor. Unlike
-        the public code it answers for every point: what that code leaves out is not ground.
+        the public code it answers for every point (what that code leaves out is not ground),
+        and its gate divides by ``sqrt(noise + V)``, where that code squares V, at most 1, again.
         """
         return cls(
             form="published",
