@@ -6,6 +6,7 @@ A house stands with its front along x in the plane y = 0, looking along -y; z = 
 import itertools
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Vector
 from scanlock.simulation.shapes import boxes, cones, triangles
@@ -138,34 +139,41 @@ def _roof(
                 (right - 0.2, right, front, back, eaves, eaves + rim),
             ]
         )
-    out = rng.uniform(0.2, 0.5)
-    pitch = rng.uniform(0.5, 0.95)
-    span = back - front if style == "along" else right - left
-    ridge = eaves + 0.5 * pitch * span
-    low = eaves - pitch * out
+    pitch, out = rng.uniform(0.5, 0.95), rng.uniform(0.2, 0.5)
     if style == "along":
-        middle = 0.5 * (front + back)
-        a, b = np.array([left, middle, ridge]), np.array([right, middle, ridge])
-        quads = [
-            [[left, front - out, low], [right, front - out, low], b, a],
-            [[right, back + out, low], [left, back + out, low], a, b],
-        ]
-        gables = [[[left, front, eaves], [left, back, eaves], a],
-                  [[right, front, eaves], [right, back, eaves], b]]  # fmt: skip
+        corners, ridge = _gable((left, right), (front, back), eaves, pitch, out)
     else:
-        middle = 0.5 * (left + right)
-        a, b = np.array([middle, front, ridge]), np.array([middle, back, ridge])
-        quads = [
-            [[left - out, back, low], [left - out, front, low], a, b],
-            [[right + out, front, low], [right + out, back, low], b, a],
-        ]
-        gables = [[[left, front, eaves], [right, front, eaves], a],
-                  [[left, back, eaves], [right, back, eaves], b]]  # fmt: skip
-    halves = [corner for q in quads for corner in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])]
-    roof = triangles(np.array([*halves, *gables]), SurfaceClass.BUILDING)
+        corners, ridge = _gable((front, back), (left, right), eaves, pitch, out)
+        corners = corners[:, :, [1, 0, 2]]
+    roof = triangles(corners, SurfaceClass.BUILDING)
     x, y = rng.uniform(left + 0.6, right - 0.6), rng.uniform(0.4, 0.6) * (front + back)
     chimney = _blocks([(x - 0.35, x + 0.35, y - 0.3, y + 0.3, eaves, ridge + 0.8)])
     return Surfaces.joined([roof, chimney])
+
+
+def _gable(
+    ends: tuple[float, float],
+    sides: tuple[float, float],
+    eaves: float,
+    pitch: float,
+    out: float,
+) -> tuple[NDArray[np.float64], float]:
+    """Return triangles (6, 3, 3) of a gable roof with its ridge along x, and the ridge's height.
+
+    The slopes fall by `pitch` a metre, and reach `out` [m] beyond the sides.
+    """
+    middle = 0.5 * (sides[0] + sides[1])
+    ridge = eaves + pitch * (sides[1] - middle)
+    tops = [(end, middle, ridge) for end in ends]
+    corners: list[list[tuple[float, float, float]]] = []
+    for side, beyond in zip(sides, (-out, out), strict=True):
+        feet = [(end, side + beyond, eaves - pitch * out) for end in ends]
+        corners += [[feet[0], feet[1], tops[1]], [feet[0], tops[1], tops[0]]]
+    corners += [
+        [(end, sides[0], eaves), (end, sides[1], eaves), top]
+        for end, top in zip(ends, tops, strict=True)
+    ]
+    return np.array(corners), ridge
 
 
 def _porch(rng: np.random.Generator, width: float, room: float) -> Surfaces:

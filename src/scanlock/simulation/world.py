@@ -45,6 +45,24 @@ class RayHits:
         for array in (self.distances, self.cosines, self.labels, self.objects, self.losses):
             frozen(array)
 
+    def limits(self, reach: float) -> Vector:
+        """Return how far (n,) a ray must look to find something nearer [m]."""
+        return read_only(np.minimum(self.distances, reach))
+
+    def overlaid(self, cast: tuple[Vector, Vector, Labels], surfaces: Surfaces) -> "RayHits":
+        """Return these hits with the nearer ones of a cast in their place.
+
+        `cast` is distances, cosines and rows of `surfaces`, as the kernels return them.
+        """
+        met = cast[2] != NOTHING
+        rows = cast[2][met]
+        distances, cosines, losses = self.distances.copy(), self.cosines.copy(), self.losses.copy()
+        labels, objects = self.labels.copy(), self.objects.copy()
+        distances[met], cosines[met] = cast[0][met], cast[1][met]
+        labels[met], objects[met] = surfaces.labels[rows], surfaces.objects[rows]
+        losses[met] = surfaces.losses[rows]
+        return RayHits(distances, cosines, labels, objects, losses)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
@@ -118,25 +136,12 @@ class World:
         origins, directions, delays = (
             read_only(np.asarray(array, np.float64)) for array in (origins, directions, delays)
         )
-        distances, cosines = self._at_ground(origins, directions, np.full(n, reach))
-        met = np.isfinite(distances)
-        labels = np.where(met, int(SurfaceClass.GROUND), NOTHING)
-        objects = np.where(met, GROUND_OBJECT, NOTHING)
-        losses = np.zeros(n)
-
-        def keep_nearer(cast: tuple[Vector, Vector, Labels], surfaces: Surfaces) -> None:
-            nearer = np.flatnonzero(cast[2] != NOTHING)
-            rows = cast[2][nearer]
-            distances[nearer], cosines[nearer] = cast[0][nearer], cast[1][nearer]
-            labels[nearer], objects[nearer] = surfaces.labels[rows], surfaces.objects[rows]
-            losses[nearer] = surfaces.losses[rows]
-
-        limits = read_only(np.minimum(distances, reach))
-        keep_nearer(
+        hits = self._at_ground(origins, directions, reach)
+        hits = hits.overlaid(
             cast_rays(
                 origins,
                 directions,
-                limits,
+                hits.limits(reach),
                 self.surfaces.kinds,
                 self.surfaces.rows,
                 self._node_bounds,
@@ -145,38 +150,35 @@ class World:
             ),
             self.surfaces,
         )
-        movers = self._movers_near(origins, time, delays, reach)
-        if movers:
-            surfaces, first, frames = movers
-            limits = read_only(np.minimum(distances, reach))
-            keep_nearer(
-                cast_at_movers(
-                    origins,
-                    directions,
-                    delays,
-                    limits,
-                    surfaces.kinds,
-                    surfaces.rows,
-                    first,
-                    frames,
-                ),
-                surfaces,
-            )
-        return RayHits(distances, cosines, labels, objects, losses)
+        near = self._movers_near(origins, time, delays, reach)
+        if near is None:
+            return hits
+        moving, first, frames = near
+        limits = hits.limits(reach)
+        return hits.overlaid(
+            cast_at_movers(
+                origins, directions, delays, limits, moving.kinds, moving.rows, first, frames
+            ),
+            moving,
+        )
 
-    def _at_ground(
-        self, origins: Points, directions: Points, limits: Vector
-    ) -> tuple[Vector, Vector]:
-        if self.ground is None:
-            return np.full(len(origins), np.inf), np.zeros(len(origins))
-        return cast_at_ground(
-            origins,
-            directions,
-            read_only(limits),
-            self.ground.heights,
-            self.ground.tops,
-            self.ground.corner,
-            self.ground.cell,
+    def _at_ground(self, origins: Points, directions: Points, reach: float) -> RayHits:
+        n = len(origins)
+        distances, cosines = np.full(n, np.inf), np.zeros(n)
+        if self.ground is not None:
+            distances, cosines = cast_at_ground(
+                origins,
+                directions,
+                read_only(np.full(n, reach)),
+                self.ground.heights,
+                self.ground.tops,
+                self.ground.corner,
+                self.ground.cell,
+            )
+        met = np.isfinite(distances)
+        labels = np.where(met, int(SurfaceClass.GROUND), NOTHING)
+        return RayHits(
+            distances, cosines, labels, np.where(met, GROUND_OBJECT, NOTHING), np.zeros(n)
         )
 
     def _movers_near(
