@@ -9,46 +9,65 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
+def quarter_turns(x: float, y: float) -> float:
+    """Return a measure of azimuth in [0, 4): whole at the axes, growing in between."""
+    # The smallest of numbers makes 0/0 a 0 and changes nothing else.
+    share = y / (abs(x) + abs(y) + 1e-300)
+    turns = share if x >= 0.0 else 2.0 - share
+    return turns if turns >= 0.0 else turns + 4.0
+
+
+@kernel
 def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
     """Return the cell ``sector * bins + bin`` of each (n, 3) point, -1 from the last edge on.
 
-    `edges` is ascending from 0; a range on an edge belongs to the bin outside it. A table over
-    the innermost width finds the bin of a range in one look-up and a step or two.
+    `edges` is ascending from 0; a range on an edge belongs to the bin outside it. There is no
+    arc tangent: azimuth is measured in `quarter_turns`, range in metres; two tables tell the
+    sector and the bin in which each small step of them begins, and a comparison or two settle
+    the rest.
     """
     bins = edges.shape[0] - 1
-    table_width = edges[1] - edges[0]
-    table_size = math.ceil(edges[bins] / table_width) + 1
-    table = np.empty(table_size, np.int64)
+    width = edges[1] - edges[0]
+    first_bin = np.empty(math.ceil(edges[bins] / width) + 1, np.int64)
     b = 0
-    for k in range(table_size):
-        while b + 1 < bins and edges[b + 1] <= k * table_width:
+    for k in range(first_bin.shape[0]):
+        while b + 1 < bins and edges[b + 1] <= k * width:
             b += 1
-        table[k] = b
+        first_bin[k] = b
+    # The last borders are out of reach: what rounds up to them stays in the last bin or sector.
+    ends = edges[1:].copy()
+    ends[bins - 1] = math.inf
+    borders = np.full(sectors + 1, math.inf, np.float64)
+    for s in range(sectors):
+        angle = s * 2.0 * math.pi / sectors
+        borders[s] = quarter_turns(math.cos(angle), math.sin(angle))
+    scale = 2.0 * sectors
+    first_sector = np.empty(8 * sectors + 1, np.int64)
+    s = 0
+    for k in range(first_sector.shape[0]):
+        while borders[s + 1] <= k / scale:
+            s += 1
+        first_sector[k] = s
 
-    n = points.shape[0]
-    cells = np.empty(n, np.int64)
-    sector_scale = sectors / (2.0 * math.pi)
-    limit_squared = edges[bins] * edges[bins]
-    for i in range(n):
+    cells = np.empty(points.shape[0], np.int64)
+    limit = edges[bins] * edges[bins]
+    for i in range(points.shape[0]):
         x = points[i, 0]
         y = points[i, 1]
-        range_squared = x * x + y * y
-        if not range_squared < limit_squared:
+        squared = x * x + y * y
+        if not squared < limit:
             cells[i] = -1
             continue
-        azimuth = math.atan2(y, x)
-        if azimuth < 0.0:
-            azimuth += 2.0 * math.pi
-        sector = int(azimuth * sector_scale)
-        # An azimuth just short of a full turn may have been rounded up to it.
-        if sector >= sectors:
-            sector = sectors - 1
-        distance = math.sqrt(range_squared)
-        b = table[int(distance / table_width)]
+        turns = quarter_turns(x, y)
+        s = first_sector[int(turns * scale)]
+        while turns >= borders[s + 1]:
+            s += 1
+        distance = math.sqrt(squared)
+        b = first_bin[int(distance / width)]
         # The quotient may have been rounded up across an edge.
         if distance < edges[b]:
             b -= 1
-        while b + 1 < bins and distance >= edges[b + 1]:
+        while distance >= ends[b]:
             b += 1
-        cells[i] = sector * bins + b
+        cells[i] = s * bins + b
     return cells

@@ -6,7 +6,7 @@ import numpy as np
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.kernels.ground import cells_by_table, lowest_in_cells
+from scanlock.kernels.ground import lowest_in_cells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,10 +47,8 @@ class Prototypes:
     @classmethod
     def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
         """Return the prototypes of the cells with at least `min_points` points."""
-        edges = grid.edges
-        sectors, bins = int(grid.sectors), len(edges) - 1
-        cell_of_point = cells_by_table(read_only(points), sectors, edges)
-        frozen(cell_of_point)
+        sectors, bins = int(grid.sectors), grid.bins
+        cell_of_point = grid.cells(points)
         lowest, count = lowest_in_cells(read_only(points), cell_of_point, sectors * bins)
         cells = np.flatnonzero(count >= min_points)
         low = points[lowest[cells]]

@@ -17,7 +17,8 @@ GROUND = 0
 """Label of ground points; clusters count from 1."""
 
 LEFT_OUT = -1
-"""Label of points that are neither: not finite, out of range, or in too small a cluster."""
+"""Label of points that are neither: not finite, beneath the ground (reflections), out of range, or
+in too small a cluster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +79,9 @@ class Segmenter:
         """Return what each row of an (n, 3+) array or a cloud belongs to."""
         cloud = PointCloud.from_array(points)
         ground = self.ground.find(cloud)
-        obstacles = np.flatnonzero(~ground.is_ground)
+        obstacles = np.flatnonzero(~(ground.is_ground | ground.is_below))
         labels, count = self.clusters.label(upright(cloud.points[obstacles], ground))
-        all_labels = np.full(len(cloud), GROUND, dtype=np.int64)
+        all_labels = np.where(ground.is_ground, GROUND, LEFT_OUT)
         all_labels[obstacles] = np.where(labels >= 0, labels + 1, LEFT_OUT)
         return Segmentation(cloud.to_input_rows(all_labels, LEFT_OUT), count, ground, cloud)
 

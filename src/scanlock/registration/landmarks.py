@@ -22,7 +22,7 @@ class Landmarks:
     cloud : PointCloud
         The checked points of the whole scan.
     obstacles : (n, 3) [m]
-        The points that are not ground; all points where there is no ground.
+        The points above the ground; all points where there is no ground.
     gaussians : tuple of Gaussians
         One set for each scale, coarsest first: clusters, or voxels where there is no ground.
     notes : tuple of str
@@ -68,7 +68,7 @@ class LandmarkFinder:
         clock = StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
-            obstacles = read_only(cloud.points[~ground.is_ground])
+            obstacles = read_only(cloud.points[~(ground.is_ground | ground.is_below)])
         distinct = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):
             # Without ground nothing separates the columns of polar bins; cubes take their place.

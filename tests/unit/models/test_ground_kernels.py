@@ -35,20 +35,6 @@ def _low(seed):
     return [read_only(column) for column in low.T], read_only(own), low
 
 
-def test_cells_by_table_are_those_of_the_grid():
-    rng = np.random.default_rng(3)
-    axes = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 0], [1, -1e-300, 0]])
-    rim = 30.0 * np.column_stack([np.cos(np.arange(9)), np.sin(np.arange(9)), np.zeros(9)])
-    points = read_only(np.vstack([rng.uniform(-24, 24, (5000, 3)), axes, rim]))
-    for grid in (_GRID, PolarGrid(sectors=3, max_range=30.0, first_width=7.0), PolarGrid()):
-        cells = passes.cells_by_table(points, grid.sectors, grid.edges)
-        apart = np.flatnonzero(cells != grid.cells(points))
-        # On the border between two sectors rounding may tell either way.
-        turn = np.arctan2(points[apart, 1], points[apart, 0]) / (2 * np.pi) * grid.sectors
-        assert np.allclose(turn, np.round(turn), atol=1e-9)
-        assert cells.max() < grid.sectors * grid.bins
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_lowest_points_and_counts(seed):
     points = np.array(_hills(seed, count=800))
@@ -206,7 +192,7 @@ def test_patches_grow_as_defined(seed):
 
 def test_one_compiled_form_serves_all():
     for kernel in (
-        passes.cells_by_table, passes.lowest_in_cells, passes.count_low_points,
+        passes.lowest_in_cells, passes.count_low_points,
         passes.heights_above_knots, passes.split_by_height, passes.turned_points,
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip

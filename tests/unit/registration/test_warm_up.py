@@ -6,7 +6,7 @@ from scanlock.registration.register import register
 from scanlock.registration.warm_up import warm_up
 
 _KERNELS = (
-    ground.cells_by_table,
+    ground.lowest_in_cells,
     grouping.occupied_cells,
     meeting.meeting_gaussians,
     moments.labelled_moments,
@@ -24,4 +24,4 @@ def test_after_it_real_work_compiles_nothing():
     for method in METHODS:
         register(source=scan, target=street(2), method=method)
     assert [tuple(kernel.signatures) for kernel in _KERNELS] == before
-    assert [len(signatures) for signatures in before] == [1] * len(_KERNELS)
+    assert all(before)
