@@ -4,6 +4,7 @@ Only Cyclopts is imported here, and a command's own file only when it is asked f
 come at once, and NumPy, SciPy and Numba take seconds.
 """
 
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -63,6 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done; 1 wrong arguments or files, told in one line on stderr; 2 a registration that is
         not to be trusted; 130 interrupted; 141 the reader of the output went away.
     """
+    _accept_any_name()
     try:
         code = build_app()(
             None if arguments is None else list(arguments),
@@ -83,6 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     else:
         return code if isinstance(code, int) else OK
     return FAULT
+
+
+def _accept_any_name() -> None:
+    # Names of files hold what a terminal's encoding may lack; printing them must not fail.
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _forget_stdout() -> None:

@@ -5,8 +5,6 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
-from scanlock.cli.screen import screen
-
 
 class CompileWatch:
     """Notices that a kernel is compiled rather than found on disk, and says so once.
@@ -23,8 +21,10 @@ class CompileWatch:
     def on_start(self, event: Any) -> None:
         """Take note of a compilation that begins."""
         if not self.compiled and sys.stderr.isatty():
-            screen("stderr").print(
-                "compiling for the first use, which may take a minute; later runs start at once"
+            # Not by a console of its own: a spinner, if one turns, hands this on to the line
+            # above its own.
+            sys.stderr.write(
+                "compiling for the first use, which may take a minute; later runs start at once\n"
             )
         self.compiled = True
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Group, Parameter
 
 from scanlock.cli.choices import FormatName
+from scanlock.errors import FormatError
 
 if TYPE_CHECKING:
     from scanlock.arrays import Points, Vector
@@ -77,15 +78,23 @@ class Reading:
         return int(text) if text is not None and text.strip().isdecimal() else text
 
     def load(self, path: Path) -> LoadedScan:
-        """Return the contents of a scan file; errors as in `scanlock.io.read_scan`."""
+        """Return the contents of a scan file.
+
+        Raises
+        ------
+        FormatError
+            No row of it is a point; and all that `scanlock.io.read_scan` raises.
+        """
         import numpy as np
 
         from scanlock.io import read_scan
 
         file = read_scan(path, self.format, columns=self.wanted_columns())
         blank = (file.points == 0.0).all(axis=1)
-        if not blank.any():
-            return LoadedScan(path, file, file.points, 0)
-        return LoadedScan(
-            path, file, np.where(blank[:, None], np.nan, file.points), int(blank.sum())
-        )
+        points = np.where(blank[:, None], np.nan, file.points) if blank.any() else file.points
+        if not np.isfinite(points).all(axis=1).any():
+            raise FormatError(
+                f"{path}: none of its {len(points):,} points is finite and not (0, 0, 0); check "
+                "the program that wrote it"
+            )
+        return LoadedScan(path, file, points, int(blank.sum()))

@@ -55,12 +55,19 @@ def register(
     """
     from scanlock.cli.compiling import compile_watch
     from scanlock.cli.results import show_history, show_registration
-    from scanlock.cli.saving import POSE_ENDINGS, require_ending, require_picture, save_pose
+    from scanlock.cli.saving import (
+        POSE_ENDINGS,
+        require_apart,
+        require_ending,
+        require_picture,
+        save_pose,
+    )
     from scanlock.cli.screen import print_json, print_line
     from scanlock.registration.register import register as registered
 
     if output is not None:
         require_ending(output, POSE_ENDINGS, "the pose file")
+        require_apart(output, (reference, scene))
     if picture is not None:
         require_picture(picture)
     begin = time.perf_counter()

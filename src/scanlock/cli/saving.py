@@ -31,6 +31,13 @@ def require_picture(path: Path) -> None:
     require_figures()
 
 
+def require_apart(path: Path, inputs: Sequence[Path]) -> None:
+    """Raise `InvalidInput` if a file to write is one that is read: scans are hard to replace."""
+    for other in inputs:
+        if path.exists() and other.exists() and path.samefile(other):
+            raise InvalidInput(f"{path} is what is read and would be lost; name another file")
+
+
 def make_room(path: Path) -> None:
     """Create the folder that a file goes into."""
     path.parent.mkdir(parents=True, exist_ok=True)

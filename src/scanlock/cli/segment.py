@@ -45,12 +45,13 @@ def segment(
         Print the summary as JSON, and nothing else.
     """
     from scanlock.cli.compiling import compile_watch
-    from scanlock.cli.saving import make_room, require_ending, require_picture
+    from scanlock.cli.saving import make_room, require_apart, require_ending, require_picture
     from scanlock.cli.screen import print_facts, print_json, print_line, print_title
     from scanlock.models.segmentation import segment as segmented
 
     if output is not None:
         require_ending(output, (*_LABEL_ENDINGS, *_SCAN_ENDINGS), "the output")
+        require_apart(output, (scan,))
     if picture is not None:
         require_picture(picture)
     loaded = (reading or Reading()).load(scan)
@@ -128,10 +129,11 @@ def _write(path: Path, loaded: LoadedScan, found: "Segmentation") -> str:
     file = loaded.file
     # Cluster numbers are far below this, and few other programs read 64-bit integers.
     fields = {**file.fields, name: found.labels.astype("int32")}
+    points = file.points.astype("float32" if file.coordinate_dtype == "float32" else "float64")
     is_pcd = suffix == ".pcd"
     write_scan(
         path,
-        file.points.astype(file.coordinate_dtype),
+        points,
         fields,
         height=file.height if is_pcd else 1,
         viewpoint=file.viewpoint if is_pcd else None,

@@ -19,7 +19,7 @@ def warm_up() -> None:
         print_line(f"compiled everything in {seconds:.0f} s; commands now start at once")
     else:
         print_line(f"everything was compiled already; loaded it in {seconds:.1f} s")
-    print_line(_where_it_is_kept())
+    print_line(where_it_is_kept())
 
 
 def _warm_up_simulation() -> None:
@@ -63,13 +63,16 @@ def _warm_up_files() -> None:
         read_scan(path)
 
 
-def _where_it_is_kept() -> str:
+def where_it_is_kept() -> str:
+    """Return where the machine code lies on disk, or why nowhere and what to do about it."""
     from scanlock.kernels import polar
 
-    folder = polar.polar_cells.stats.cache_path  # pyright: ignore[reportFunctionMemberAccess]
-    if folder is None:
+    stats = getattr(polar.polar_cells, "stats", None)
+    if stats is None:
+        return "the compiler is off: the environment variable NUMBA_DISABLE_JIT is set"
+    if stats.cache_path is None:
         return (
             "no folder to keep it in is writable, so every run compiles anew; set the "
             "environment variable NUMBA_CACHE_DIR to one that is"
         )
-    return f"kept in {folder}"
+    return f"kept in {stats.cache_path}"

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Matrix, Vector
+from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.errors import InvalidInput, MissingExtra
 
 if TYPE_CHECKING:
@@ -44,6 +43,14 @@ _MOST_POINTS = 60_000
 
 _CELL = 0.5
 """Side of the cells [m] that tell where there is surface to see."""
+
+_UPRIGHT = 0.7
+"""Something stands in a cell with points this far above each other [m]."""
+
+_RICH = 40.0
+"""Points that make a cell as good to look at as can be."""
+
+_LEVEL_WORTH = 1e-3
 
 _SHOWN_SHARE = 97.0
 """A view ends where this percentage of the points lies inside: the rest are a few far ones."""
@@ -120,13 +127,16 @@ def square_view(axes: "Axes", middle: Vector, half: float, labels: Sequence[str]
         spine.set_color("#cccccc")
 
 
-def densest_square(views: Sequence[Matrix], middle: Vector, half: float, side: float) -> Vector:
-    """Return the lower left corner of the square where all views together show most surface.
+def richest_square(clouds: Sequence[Points], middle: Vector, half: float, side: float) -> Vector:
+    """Return the lower left corner of the square where all clouds together show most surface.
+
+    What stands upright is worth looking at, from above as well; level surfaces decide only
+    where nothing stands.
 
     Parameters
     ----------
-    views : sequence of (n, 2) [m]
-        A cell of the map counts where each of them has a point in it.
+    clouds : sequence of (n, 3) [m]
+        A cell of the map counts for what the cloud with the least in it shows there.
     middle, half : (2,), float [m]
         The map to look in; see `window_around`.
     side : float [m]
@@ -135,19 +145,24 @@ def densest_square(views: Sequence[Matrix], middle: Vector, half: float, side: f
     low = middle - half
     cells = max(1, math.ceil(2.0 * half / _CELL))
     span = min(cells, max(1, int(side / _CELL)))
-    common = np.logical_and.reduce([_occupied(view, low, cells) for view in views])
-    sums = np.pad(common.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    worth = np.minimum.reduce([_worth(points, low, cells) for points in clouds])
+    sums = np.pad(worth.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     inside = sums[span:, span:] - sums[:-span, span:] - sums[span:, :-span] + sums[:-span, :-span]
     place = np.unravel_index(int(inside.argmax()), inside.shape)
     return low + _CELL * np.array(place, dtype=np.float64)
 
 
-def _occupied(view: Matrix, low: Vector, cells: int) -> NDArray[np.bool_]:
-    index = np.floor((view - low) / _CELL).astype(np.int64)
-    index = index[((index >= 0) & (index < cells)).all(axis=1)]
-    grid = np.zeros((cells, cells), np.bool_)
-    grid[index[:, 0], index[:, 1]] = True
-    return grid
+def _worth(points: Points, low: Vector, cells: int) -> Matrix:
+    """Return up to 1 for each cell of a map with something upright, much less for the others."""
+    index = np.floor((points[:, :2] - low) / _CELL).astype(np.int64)
+    kept = ((index >= 0) & (index < cells)).all(axis=1)
+    flat = index[kept, 0] * cells + index[kept, 1]
+    lowest, highest = np.full(cells * cells, np.inf), np.full(cells * cells, -np.inf)
+    np.minimum.at(lowest, flat, points[kept, 2])
+    np.maximum.at(highest, flat, points[kept, 2])
+    worth = np.minimum(np.bincount(flat, minlength=cells * cells) / _RICH, 1.0)
+    worth[~(highest - lowest > _UPRIGHT)] *= _LEVEL_WORTH
+    return worth.reshape(cells, cells)
 
 
 def frame(axes: "Axes", corner: Vector, side: float) -> None:

@@ -18,10 +18,10 @@ from scanlock.report.canvas import (
     INK,
     VERMILION,
     blank_figure,
-    densest_square,
     frame,
     legend_below,
     mingled,
+    richest_square,
     scatter,
     square_view,
     thinned_rows,
@@ -75,7 +75,7 @@ def registration_figure(
     )
     middle, half = window_around(fixed[:, :2], end[:, :2])
     side = 2.0 * half * _CLOSE_UP
-    corner = densest_square([fixed[:, :2], end[:, :2]], middle, half, side)
+    corner = richest_square([fixed, end], middle, half, side)
     figure.suptitle(
         _title(result, truth), fontsize=12, linespacing=1.5, color=INK if result.ok else ALARM
     )

@@ -17,9 +17,9 @@ from scanlock.report.canvas import (
     GROUND,
     INK,
     blank_figure,
-    densest_square,
     frame,
     legend_below,
+    richest_square,
     scatter,
     square_view,
     thinned_rows,
@@ -54,7 +54,7 @@ def segmentation_figure(segmentation: Segmentation) -> "Figure":
     standing = cloud.points[labels > GROUND_LABEL]
     middle, half = window_around((standing if len(standing) else cloud.points)[:, :2])
     side = 2.0 * half * _CLOSE_UP
-    corner = densest_square([standing[:, :2]], middle, half, side)
+    corner = richest_square([standing], middle, half, side)
     found = segmentation.ground.status is not GroundStatus.NONE
     figure.suptitle(_title(segmentation), fontsize=12, color=INK if found else ALARM)
     whole, close = figure.subplots(1, 2)

@@ -136,6 +136,21 @@ def test_a_reader_that_goes_away_is_no_error(scans, option):
     assert (done.returncode, done.stderr) == (141, "")
 
 
+def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path, scans):
+    path = tmp_path / "straße.npy"
+    path.write_bytes((scans / "reference.npy").read_bytes())
+    code = "import sys; from scanlock.cli import main; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, "info", str(path)],
+        env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "stra\\xdfe.npy" in done.stdout
+
+
 def test_a_mistake_of_the_programme_itself_keeps_its_traceback(scanlock, monkeypatch, scans):
     def broken(*_, **__):
         raise RuntimeError("a mistake")

@@ -5,6 +5,8 @@ import pytest
 
 from scanlock.cli.compiling import compile_watch
 
+pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no compiler to watch")
+
 
 def _fresh():
     @numba.njit

@@ -1,11 +1,16 @@
 import sys
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
 from scanlock.io import read_pose, read_scan
 from scanlock.simulation import hdl_64e, scan_pair
+
+pytestmark = pytest.mark.skipif(
+    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+)
 
 
 @pytest.fixture(scope="module")

@@ -196,3 +196,17 @@ def test_a_format_can_be_given_where_the_name_misleads(scanlock, scans, tmp_path
     done = scanlock("register", odd, odd, "--format", "bin", "--columns", "3", "--json")
     assert done.code == 0
     assert np.abs(np.array(json.loads(done.out)["target_from_source"]) - np.eye(4)).max() < 1e-6
+
+
+def test_a_scan_is_never_overwritten_by_a_pose(scanlock, scans, pair):
+    before = pair[1].read_bytes()
+    done = scanlock("register", *pair, "-o", pair[1])
+    assert done.code == 1
+    assert "would be lost; name another file" in done.err
+    assert pair[1].read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(scanlock, pair, tmp_path):
+    (tmp_path / "file").touch()
+    done = scanlock("register", *pair, "-o", tmp_path / "file" / "pose.txt")
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)

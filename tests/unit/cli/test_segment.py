@@ -6,7 +6,7 @@ import pytest
 from scanlock import segment
 from scanlock.cli.segment import semantic_kitti_labels
 from scanlock.errors import InvalidInput
-from scanlock.io import read_labels, read_scan
+from scanlock.io import read_labels, read_scan, write_scan
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +56,17 @@ def test_a_scan_is_written_with_its_fields_and_labels(scanlock, scans, tmp_path,
     assert after.height == (before.height if ending == ".pcd" else 1)
 
 
+def test_a_survey_keeps_its_digits_and_gets_labels(scanlock, scans, tmp_path):
+    pytest.importorskip("laspy")
+    far = np.array([4e5, 5e6, 100.0]) + np.load(scans / "reference.npy").round(3)
+    write_scan(tmp_path / "survey.las", far)
+    done = scanlock("segment", tmp_path / "survey.las", "-o", tmp_path / "parts.laz")
+    assert (done.code, done.err) == (0, "")
+    after = read_scan(tmp_path / "parts.laz")
+    assert np.abs(after.points - read_scan(tmp_path / "survey.las").points).max() < 1e-3
+    np.testing.assert_array_equal(after.fields["label"], segment(after.points).labels)
+
+
 def test_labels_that_a_scan_has_already_are_kept(scanlock, scans, tmp_path):
     first, second = tmp_path / "first.ply", tmp_path / "second.ply"
     scanlock("segment", scans / "gaps.pcd", "-o", first)
@@ -100,3 +111,21 @@ def test_an_unknown_ending_is_told_before_the_work(scanlock, tmp_path):
     done = scanlock("segment", "nowhere.bin", "-o", tmp_path / "scan.lable")
     assert done.code == 1
     assert "did you mean .label?" in done.err
+
+
+def test_the_scan_itself_is_never_overwritten(scanlock, tmp_path):
+    path = tmp_path / "scan.npy"
+    np.save(path, np.random.default_rng(0).normal(size=(500, 3)))
+    before = path.read_bytes()
+    done = scanlock("segment", path, "-o", tmp_path / "." / "scan.npy")
+    assert done.code == 1
+    assert "would be lost; name another file" in done.err
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0])
+def test_a_scan_without_a_point_names_its_file(scanlock, tmp_path, value):
+    np.save(tmp_path / "empty.npy", np.full((100, 3), value))
+    done = scanlock("segment", tmp_path / "empty.npy")
+    assert (done.code, done.out) == (1, "")
+    assert done.err.startswith(f"scanlock: {tmp_path / 'empty.npy'}: none of its 100 points")

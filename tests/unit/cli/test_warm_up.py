@@ -2,6 +2,16 @@ import os
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
+
+import numba
+import pytest
+
+from scanlock.cli.warm_up import where_it_is_kept
+
+_needs_compiler = pytest.mark.skipif(
+    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+)
 
 _USED_AFTERWARDS = """
 import contextlib, importlib, io, pathlib, pkgutil, re
@@ -28,6 +38,7 @@ print(cold)
 """
 
 
+@_needs_compiler
 def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", _USED_AFTERWARDS],
@@ -39,6 +50,7 @@ def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+@_needs_compiler
 def test_a_second_time_there_is_nothing_to_compile(scanlock):
     scanlock("warmup")
     done = scanlock("warmup")
@@ -49,16 +61,13 @@ def test_a_second_time_there_is_nothing_to_compile(scanlock):
     assert os.path.isdir(second.removeprefix("kept in "))
 
 
-def test_without_a_place_to_keep_it_the_remedy_is_named(scanlock, monkeypatch):
-    from scanlock.kernels import polar
-
-    class Stats:
-        cache_path = None
-
-    class Kernel:
-        stats = Stats()
-
-    monkeypatch.setattr(polar, "polar_cells", Kernel())
-    from scanlock.cli.warm_up import _where_it_is_kept
-
-    assert "NUMBA_CACHE_DIR" in _where_it_is_kept()
+@pytest.mark.parametrize(
+    ("kernel", "remedy"),
+    [
+        (SimpleNamespace(stats=SimpleNamespace(cache_path=None)), "NUMBA_CACHE_DIR"),
+        (SimpleNamespace(), "NUMBA_DISABLE_JIT"),
+    ],
+)
+def test_without_a_compiler_or_a_place_to_keep_it_the_remedy_is_named(monkeypatch, kernel, remedy):
+    monkeypatch.setattr("scanlock.kernels.polar.polar_cells", kernel)
+    assert remedy in where_it_is_kept()

@@ -1,3 +1,6 @@
+import numba
+import pytest
+
 from reference.samples import street
 from scanlock.kernels import ground, grouping, meeting, moments, polar, terms
 from scanlock.models.segmentation import segment
@@ -16,6 +19,7 @@ _KERNELS = (
 )
 
 
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no compiler to warm up")
 def test_after_it_real_work_compiles_nothing():
     warm_up()
     before = [tuple(kernel.signatures) for kernel in _KERNELS]

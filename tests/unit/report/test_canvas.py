@@ -6,10 +6,10 @@ import pytest
 from scanlock.errors import InvalidInput, MissingExtra
 from scanlock.report.canvas import (
     blank_figure,
-    densest_square,
     frame,
     legend_below,
     mingled,
+    richest_square,
     save_figure,
     scatter,
     square_view,
@@ -84,20 +84,32 @@ def test_a_window_around_nothing_is_still_a_window(views):
     assert half == 1.0
 
 
-def test_the_densest_square_is_where_all_views_have_points():
+def _upright(rng, low, high, count):
+    return rng.uniform([*low, 0.0], [*high, 3.0], (count, 3))
+
+
+def test_the_richest_square_is_where_things_stand_in_all_clouds():
     rng = np.random.default_rng(0)
-    common = rng.uniform(12.0, 18.0, (500, 2))
-    first = np.concatenate([common, rng.uniform(-30.0, -10.0, (5000, 2))])
-    second = np.concatenate([common, rng.uniform([-30.0, 10.0], [-10.0, 30.0], (5000, 2))])
-    middle, half = np.zeros(2), 30.0
-    corner = densest_square([first, second], middle, half, 10.0)
+    common = _upright(rng, (12.0, 12.0), (18.0, 18.0), 3000)
+    level = rng.uniform([-30.0, -30.0, 0.0], [30.0, 30.0, 0.1], (30_000, 3))
+    first = np.concatenate([common, level, _upright(rng, (-30.0, -30.0), (-10.0, -10.0), 9000)])
+    second = np.concatenate([common, level, _upright(rng, (-30.0, 10.0), (-10.0, 30.0), 9000)])
+    corner = richest_square([first, second], np.zeros(2), 30.0, 10.0)
     assert (corner <= 12.5).all()
     assert (corner + 10.0 >= 17.5).all()
 
 
-@pytest.mark.parametrize("views", [[np.empty((0, 2))], [np.full((3, 2), 99.0)]])
-def test_the_densest_square_of_an_empty_map_lies_in_it(views):
-    corner = densest_square(views, np.zeros(2), 1.0, 5.0)
+def test_where_nothing_stands_level_surfaces_decide():
+    rng = np.random.default_rng(0)
+    level = rng.uniform([12.0, 12.0, 0.0], [18.0, 18.0, 0.1], (2000, 3))
+    corner = richest_square([level], np.zeros(2), 30.0, 10.0)
+    assert (corner <= 12.5).all()
+    assert (corner + 10.0 >= 17.5).all()
+
+
+@pytest.mark.parametrize("cloud", [np.empty((0, 3)), np.full((3, 3), 99.0)])
+def test_the_richest_square_of_an_empty_map_lies_in_it(cloud):
+    corner = richest_square([cloud], np.zeros(2), 1.0, 5.0)
     assert corner.tolist() == [-1.0, -1.0]
 
 
