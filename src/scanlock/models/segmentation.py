@@ -17,8 +17,8 @@ GROUND = 0
 """Label of ground points; clusters count from 1."""
 
 LEFT_OUT = -1
-"""Label of points that are neither: not finite, beneath the ground (reflections), out of range, or
-in too small a cluster."""
+"""Label of points that are neither: not finite, at zero, beneath the ground (reflections), out of
+range, or in too small a cluster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,11 +79,23 @@ class Segmenter:
         """Return what each row of an (n, 3+) array or a cloud belongs to."""
         cloud = PointCloud.from_array(points)
         ground = self.ground.find(cloud)
-        obstacles = np.flatnonzero(~(ground.is_ground | ground.is_below))
+        obstacles = np.flatnonzero(is_obstacle(cloud, ground))
         labels, count = self.clusters.label(upright(cloud.points[obstacles], ground))
         all_labels = np.where(ground.is_ground, GROUND, LEFT_OUT)
         all_labels[obstacles] = np.where(labels >= 0, labels + 1, LEFT_OUT)
         return Segmentation(cloud.to_input_rows(all_labels, LEFT_OUT), count, ground, cloud)
+
+
+def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
+    """Return which points of a cloud stand on its ground: neither of it nor beneath it.
+
+    A point at exactly (0, 0, 0) of a sensor's frame is no place but a driver's word for "no
+    return"; thousands of them would make the heaviest cluster of all, at the sensor.
+    """
+    standing = ~(ground.is_ground | ground.is_below)
+    if not cloud.origin.any():
+        standing &= np.einsum("ni,ni->n", cloud.points, cloud.points) > 0.0
+    return standing
 
 
 def upright(points: Points, ground: Ground) -> Points:

@@ -9,7 +9,7 @@ from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import require_at_least, require_positive
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.ground import Ground, GroundStatus
-from scanlock.models.segmentation import Segmenter, upright
+from scanlock.models.segmentation import Segmenter, is_obstacle, upright
 from scanlock.registration.stages import StageClock
 
 
@@ -68,7 +68,7 @@ class LandmarkFinder:
         clock = StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
-            obstacles = read_only(cloud.points[~(ground.is_ground | ground.is_below)])
+            obstacles = read_only(cloud.points[is_obstacle(cloud, ground)])
         distinct = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):
             # Without ground nothing separates the columns of polar bins; cubes take their place.

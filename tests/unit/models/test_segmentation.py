@@ -147,3 +147,10 @@ def test_clusters_lie_apart_from_each_other(scan):
     found = segment(scan)
     for first, second in itertools.combinations(found.clusters[:10], 2):
         assert set(first).isdisjoint(second)
+
+
+def test_placeholders_at_zero_are_no_cluster(scan):
+    plain = segment(scan)
+    with_placeholders = segment(np.vstack([np.zeros((4000, 3)), scan]))
+    assert (with_placeholders.labels[:4000] == -1).all()
+    np.testing.assert_array_equal(with_placeholders.labels[4000:] > 0, plain.labels > 0)
