@@ -43,7 +43,12 @@ autosummary_context = {
 }
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
-autodoc_default_options = {"members": True, "undoc-members": False}
+autodoc_default_options = {
+    "members": True,
+    "undoc-members": False,
+    # A package that re-exports the names of its modules documents them there, once.
+    "ignore-module-all": True,
+}
 # Fields are listed once, from their own docstrings or from the class's Attributes section.
 napoleon_use_ivar = True
 napoleon_google_docstring = False
