@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from scanlock.registration.result import Registration as Registration
     from scanlock.registration.result import Status as Status
     from scanlock.registration.sgc_ndt import SgcNdt as SgcNdt
+    from scanlock.registration.warm_up import warm_up as warm_up
 
 __version__ = "0.1.0.dev0"
 
@@ -40,6 +41,7 @@ _HOMES = {
     "Status": "scanlock.registration.result",
     "register": "scanlock.registration.register",
     "segment": "scanlock.models.segmentation",
+    "warm_up": "scanlock.registration.warm_up",
 }
 
 __all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
