@@ -3,13 +3,13 @@
 A surface is a row of 15 numbers: its centre (3) [m], the rotation from world to its own axes
 (9, by rows), and three sizes [m] whose meaning depends on its kind:
 
-========== ============ =========================================================
-0 box      a, b, c      half extents
-1 cone     r, s, h      radius r at z = -h, radius s at z = +h, both ends closed
-2 ellipsoid a, b, c     half axes
-3 disc     a, b, -      half axes of an ellipse in the plane z = 0
-4 triangle a, b, c      corners (0, 0), (a, 0), (b, c) in the plane z = 0
-========== ============ =========================================================
+=========== ======== =========================================================
+0 box       a, b, c  half extents
+1 cone      r, s, h  radius r at z = -h, radius s at z = +h, both ends closed
+2 ellipsoid a, b, c  half axes
+3 disc      a, b, -  half axes of an ellipse in the plane z = 0
+4 triangle  a, b, c  corners (0, 0), (a, 0), (b, c) in the plane z = 0
+=========== ======== =========================================================
 
 A ray meets a surface at the first crossing in front of its origin, from outside or inside.
 """
