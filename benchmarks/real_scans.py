@@ -54,8 +54,9 @@ def kitti_00(data: Path, apart: int = 5) -> Iterator[RealPair]:
     folder = data / "kitti_00"
     rows = np.loadtxt(folder / "poses_velo_kissicp_ref.txt")
     poses = {int(row[0]): Pose.from_matrix(row[1:].reshape(3, 4)) for row in rows}
-    for i in sorted(poses):
-        if i + apart in poses:
+    scans = {i for i in poses if (folder / "velodyne" / f"{i:06d}.bin").exists()}
+    for i in sorted(scans):
+        if i + apart in scans:
             yield RealPair(
                 group=f"kitti_00, {apart} apart",
                 name=f"{i}-{i + apart}",
