@@ -16,10 +16,6 @@ class InvalidInput(ScanlockError, ValueError):
     """An argument has the wrong shape, type or range."""
 
 
-class DegenerateGeometry(ScanlockError, ValueError):
-    """The points leave the wanted quantity undetermined."""
-
-
 class FormatError(ScanlockError, ValueError):
     """A file is not what its name or header says; names the byte or line."""
 

@@ -8,7 +8,6 @@ from scanlock import errors
     ("kind", "builtin"),
     [
         (errors.InvalidInput, ValueError),
-        (errors.DegenerateGeometry, ValueError),
         (errors.FormatError, ValueError),
         (errors.MissingExtra, ImportError),
     ],

@@ -127,16 +127,6 @@ def bins(rng: np.random.Generator, count: int) -> Surfaces:
     return boxes(places, half, SurfaceClass.FURNITURE)
 
 
-def bench(rng: np.random.Generator) -> Surfaces:
-    """Return a bench that faces along y."""
-    half = rng.uniform(0.6, 0.95)
-    seat = boxes([[0.0, 0.0, 0.45], [0.0, -0.24, 0.75]], [[half, 0.22, 0.03], [half, 0.02, 0.16]],
-                 SurfaceClass.FURNITURE)  # fmt: skip
-    legs = boxes([[-0.8 * half, 0.0, 0.2], [0.8 * half, 0.0, 0.2]], [0.04, 0.2, 0.25],
-                 SurfaceClass.FURNITURE)  # fmt: skip
-    return Surfaces.joined([seat, legs])
-
-
 def boulder(rng: np.random.Generator) -> Surfaces:
     """Return a rock, half in the ground."""
     half = rng.uniform(0.15, 0.6) * rng.uniform(0.6, 1.2, (3, 3))

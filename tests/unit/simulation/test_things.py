@@ -21,7 +21,6 @@ _THINGS = {
     "fence": (lambda r: furniture.fence(r, length=7.0), {SurfaceClass.FENCE}, 1.6),
     "garden wall": (lambda r: furniture.garden_wall(r, length=7.0), {SurfaceClass.FENCE}, 1.8),
     "bins": (lambda r: furniture.bins(r, 3), {SurfaceClass.FURNITURE}, 1.3),
-    "bench": (furniture.bench, {SurfaceClass.FURNITURE}, 1.0),
     "boulder": (furniture.boulder, {SurfaceClass.ROCK}, 1.2),
     "gazebo": (furniture.gazebo, {SurfaceClass.GAZEBO}, 5.3),
     "car": (traffic.car, {SurfaceClass.CAR}, 2.4),
