@@ -1,7 +1,7 @@
 """Pairs of real scans with the pose between them, from the folder of real scans.
 
-Each pair says how far its reference pose can be trusted. The folder is that of
-``SCANLOCK_DATA`` or ``--data``; see docs for what it must hold.
+The folder is that of ``SCANLOCK_DATA`` or ``--data``. docs/benchmarks.md says how far the poses can
+be trusted.
 """
 
 import json
@@ -22,15 +22,13 @@ Cloud = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class RealPair:
-    """Two scans, the pose between them, and how good that pose is."""
+    """Two scans and the pose between them."""
 
     group: str
     name: str
     load_target: Callable[[], Cloud]
     load_source: Callable[[], Cloud]
     truth: Pose
-    trusted_metres: float
-    trusted_degrees: float
 
 
 def kitti_drive(data: Path, apart: int) -> Iterator[RealPair]:
@@ -45,8 +43,6 @@ def kitti_drive(data: Path, apart: int) -> Iterator[RealPair]:
                 load_target=partial(floats, _drive_file(folder, i), 4),
                 load_source=partial(floats, _drive_file(folder, j), 4),
                 truth=Pose.from_matrix(pair["T"]),
-                trusted_metres=0.03,
-                trusted_degrees=0.1,
             )
 
 
@@ -63,8 +59,6 @@ def kitti_00(data: Path, apart: int = 5) -> Iterator[RealPair]:
                 load_target=partial(floats, folder / "velodyne" / f"{i:06d}.bin", 4),
                 load_source=partial(floats, folder / "velodyne" / f"{i + apart:06d}.bin", 4),
                 truth=poses[i].inverse() @ poses[i + apart],
-                trusted_metres=0.03 * apart**0.5,
-                trusted_degrees=0.2,
             )
 
 
@@ -77,8 +71,6 @@ def forest(data: Path) -> Iterator[RealPair]:
             load_target=partial(floats, folder / f"{kind}_t0_xyzl.bin", 4),
             load_source=partial(floats, folder / f"{kind}_t1_xyzl.bin", 4),
             truth=Pose.from_matrix(np.loadtxt(folder / f"{kind}_reference_transform.txt")),
-            trusted_metres=0.005,
-            trusted_degrees=0.04,
         )
 
 
@@ -90,8 +82,6 @@ def hdl32(data: Path) -> Iterator[RealPair]:
         load_target=partial(ply_vertices, folder / "target.ply"),
         load_source=partial(ply_vertices, folder / "source.ply"),
         truth=Pose.from_matrix(np.loadtxt(folder / "T_target_source.txt")),
-        trusted_metres=0.01,
-        trusted_degrees=0.3,
     )
 
 
@@ -105,8 +95,6 @@ def argoverse(data: Path) -> Iterator[RealPair]:
         load_target=partial(floats, folder / "000000.bin", 4),
         load_source=partial(floats, folder / "000001.bin", 4),
         truth=first.inverse() @ second,
-        trusted_metres=0.003,
-        trusted_degrees=0.05,
     )
 
 
@@ -124,8 +112,6 @@ def newer_college(data: Path) -> Iterator[RealPair]:
                 load_target=partial(newer_scan, folder, i),
                 load_source=partial(newer_scan, folder, i + apart),
                 truth=poses[i].inverse() @ poses[i + apart],
-                trusted_metres=0.05,
-                trusted_degrees=0.3,
             )
 
 
@@ -142,8 +128,6 @@ def car_cloud(data: Path) -> Iterator[RealPair]:
         load_target=partial(text_numbers, folder / "car_cloud401.csv"),
         load_source=partial(text_numbers, folder / "car_cloud400.csv"),
         truth=Pose.from_matrix(np.loadtxt(folder / "reference_transform.txt")),
-        trusted_metres=0.15,
-        trusted_degrees=0.7,
     )
 
 
@@ -157,9 +141,50 @@ def handheld(data: Path, apart: int) -> Iterator[RealPair]:
             load_target=partial(floats, folder / "scans" / f"{i:06d}.bin", 3),
             load_source=partial(floats, folder / "scans" / f"{i + apart:06d}.bin", 3),
             truth=poses[i].inverse() @ poses[i + apart],
-            trusted_metres=0.03,
-            trusted_degrees=0.3,
         )
+
+
+def terrestrial(data: Path) -> Iterator[RealPair]:
+    """An indoor corridor; 3DTK's text in centimetres, x right, y up, z forward, left-handed."""
+    folder = data / "terrestrial_3dtk"
+    for i, j in ((0, 1), (1, 2), (0, 2)):
+        yield RealPair(
+            group="terrestrial_3dtk",
+            name=f"{i}-{j}",
+            load_target=partial(terrestrial_scan, folder / f"scan{i:03d}.3d"),
+            load_source=partial(terrestrial_scan, folder / f"scan{j:03d}.3d"),
+            truth=_terrestrial_pose(folder, i).inverse() @ _terrestrial_pose(folder, j),
+        )
+
+
+def rellis(data: Path) -> Iterator[RealPair]:
+    """Two sensors on one vehicle at one instant, from the calibrated heading."""
+    folder = data / "rellis_offroad"
+    text = (folder / "vel2os1.yaml").read_text()
+    w, x, y, z, *translation = (float(number) for number in re.findall(r": ([-0-9.e]+)", text))
+    os1_from_velodyne = Pose(Rotation.from_quat([x, y, z, w]).as_matrix(), np.array(translation))
+    turn = Pose(os1_from_velodyne.rotation, np.zeros(3))
+    yield RealPair(
+        group="rellis_offroad, turned",
+        name="OS1-Velodyne",
+        load_target=partial(floats, folder / "000104.bin", 4),
+        load_source=lambda: turn.apply(floats(folder / "vel000104.bin", 4)),
+        truth=os1_from_velodyne @ turn.inverse(),
+    )
+
+
+@cache
+def terrestrial_scan(path: Path) -> Cloud:
+    right, up, forward = np.loadtxt(path, usecols=(0, 1, 2)).T / 100.0
+    return np.column_stack([forward, -right, up])
+
+
+def _terrestrial_pose(folder: Path, index: int) -> Pose:
+    numbers = np.loadtxt(folder / f"scan{index:03d}.pose")
+    ours_from_theirs = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    # Their angles turn about x, y, z in this order; the change of axes makes it right-handed.
+    turn = Rotation.from_euler("XYZ", numbers[1], degrees=True).as_matrix()
+    return Pose(ours_from_theirs @ turn @ ours_from_theirs.T, ours_from_theirs @ numbers[0] / 100.0)
 
 
 @cache
