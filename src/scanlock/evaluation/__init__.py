@@ -1,0 +1,1 @@
+"""How good poses, trajectories and maps are, in metres, radians and voxels."""

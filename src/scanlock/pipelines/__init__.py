@@ -1,0 +1,1 @@
+"""Scans in, poses out: sequences, maps, studies of many pairs."""
