@@ -36,6 +36,22 @@ def p2d_value(pose, target, points, **shape):
     return -float(rho(s, **shape).sum() / len(points))
 
 
+def p2d_gauss_newton(pose, target, points):
+    """Sum over all pairs of ``-2 rho'(s) J' B J``, with J the Jacobian of the step."""
+    total = np.zeros((6, 6))
+    for y in points @ pose.rotation.T + pose.translation:
+        x0, x1, x2 = y
+        turned = np.array([[0.0, -x2, x1], [x2, 0.0, -x0], [-x1, x0, 0.0]])
+        jacobian = np.hstack([np.eye(3), -turned])
+        for mean, covariance in zip(target.means, target.covariances, strict=True):
+            precision = np.linalg.inv(covariance)
+            s = (y - mean) @ precision @ (y - mean)
+            step = 1e-6
+            slope = -(rho(s + step) - rho(s - step)) / (2.0 * step)
+            total += 2.0 * slope * jacobian.T @ precision @ jacobian
+    return total
+
+
 def own_cell_value(pose, target, points, width):
     """The P2D of Biber: each point against the Gaussian whose mean shares its cube, if any."""
     moved = points @ pose.rotation.T + pose.translation

@@ -14,7 +14,8 @@ squared distance ``s = q' B q`` has, for the step ``(rho, phi)``::
 
 which is Stoyanov et al. 2012 in a left perturbation, the turning covariance included, and for
 ``C = 0`` Magnusson 2009, section 6.2.1. Every kernel returns 28 sums: the value, the gradient (6)
-and the upper triangle of the Hessian, row by row (21).
+and the upper triangle of the Hessian, row by row (21); with `exact` 0 instead of 1 the
+Hessian is its convex part, that of Gauss and Newton.
 """
 
 import math
@@ -71,8 +72,12 @@ def _add_pair(
     c11: float,
     c12: float,
     c22: float,
+    exact: float,
 ) -> None:
-    """Add one pair: ``b``, ``u``, the precision B as k and the source covariance C as c."""
+    """Add one pair: ``b``, ``u``, the precision B as k and the source covariance C as c.
+
+    With `exact` 0 instead of 1 only the convex part of the Hessian, ``slope 2 L' B L``, is added.
+    """
     # D = C hat(b) and M = hat(u) + D.
     d00 = c01 * b2 - c02 * b1
     d01 = c02 * b0 - c00 * b2
@@ -104,15 +109,18 @@ def _add_pair(
     g1 = u2 * b0 - u0 * b2
     g2 = u0 * b1 - u1 * b0
     dot = b0 * u0 + b1 * u1 + b2 * u2
-    h00 = d00 * n00 + m10 * n10 + m20 * n20 + b0 * u0 - dot + b1 * d20 - b2 * d10
-    h11 = m01 * n01 + d11 * n11 + m21 * n21 + b1 * u1 - dot + b2 * d01 - b0 * d21
-    h22 = m02 * n02 + m12 * n12 + d22 * n22 + b2 * u2 - dot + b0 * d12 - b1 * d02
-    h01 = d00 * n01 + m10 * n11 + m20 * n21 + 0.5 * (b0 * u1 + b1 * u0) + b1 * d21 - b2 * d11
-    h02 = d00 * n02 + m10 * n12 + m20 * n22 + 0.5 * (b0 * u2 + b2 * u0) + b1 * d22 - b2 * d12
-    h12 = m01 * n02 + d11 * n12 + m21 * n22 + 0.5 * (b1 * u2 + b2 * u1) + b2 * d02 - b0 * d22
+    h00 = d00 * n00 + m10 * n10 + m20 * n20 + exact * (b0 * u0 - dot + b1 * d20 - b2 * d10)
+    h11 = m01 * n01 + d11 * n11 + m21 * n21 + exact * (b1 * u1 - dot + b2 * d01 - b0 * d21)
+    h22 = m02 * n02 + m12 * n12 + d22 * n22 + exact * (b2 * u2 - dot + b0 * d12 - b1 * d02)
+    e01 = 0.5 * (b0 * u1 + b1 * u0) + b1 * d21 - b2 * d11
+    e02 = 0.5 * (b0 * u2 + b2 * u0) + b1 * d22 - b2 * d12
+    e12 = 0.5 * (b1 * u2 + b2 * u1) + b2 * d02 - b0 * d22
+    h01 = d00 * n01 + m10 * n11 + m20 * n21 + exact * e01
+    h02 = d00 * n02 + m10 * n12 + m20 * n22 + exact * e02
+    h12 = m01 * n02 + d11 * n12 + m21 * n22 + exact * e12
 
     slope *= 2.0
-    curve *= 4.0
+    curve *= 4.0 * exact
     terms[0] += score
     terms[1] += slope * b0
     terms[2] += slope * b1
@@ -158,6 +166,7 @@ def d2d_terms(
     sharpness: float,
     window_start: float,
     window_end: float,
+    exact: float,
 ) -> Vector:
     """Return the 28 sums over all pairs of Gaussians, each with the product of its weights.
 
@@ -232,51 +241,9 @@ def d2d_terms(
             u2 = y2 - (c02 * b0 + c12 * b1 + c22 * b2)
             _add_pair(
                 terms, score, slope, curve, b0, b1, b2, u0, u1, u2,
-                k00, k01, k02, k11, k12, k22, c00, c01, c02, c11, c12, c22,
+                k00, k01, k02, k11, k12, k22, c00, c01, c02, c11, c12, c22, exact,
             )  # fmt: skip
     return terms
-
-
-@kernel
-def tile_lists(
-    means: Points, radii: Vector, corner: Vector, width: float, columns: int, rows: int
-) -> tuple[Labels, Labels]:
-    """Return which Gaussians reach into each square tile of the xy plane.
-
-    Tile ``row * columns + column`` starts at ``corner + width * (column, row)``; its Gaussians
-    are ``members[starts[tile] : starts[tile + 1]]``, ascending. A Gaussian reaches a tile when
-    the disc of its radius does.
-    """
-    tiles = columns * rows
-    starts = np.zeros(tiles + 1, np.int64)
-    members = np.empty(0, np.int64)
-    cursor = np.empty(0, np.int64)
-    for fill in range(2):
-        if fill == 1:
-            for tile in range(tiles):
-                starts[tile + 1] += starts[tile]
-            members = np.empty(starts[tiles], np.int64)
-            cursor = starts[:-1].copy()
-        for j in range(means.shape[0]):
-            x = means[j, 0] - corner[0]
-            y = means[j, 1] - corner[1]
-            first_column = max(0, math.floor((x - radii[j]) / width))
-            last_column = min(columns - 1, math.floor((x + radii[j]) / width))
-            first_row = max(0, math.floor((y - radii[j]) / width))
-            last_row = min(rows - 1, math.floor((y + radii[j]) / width))
-            for row in range(first_row, last_row + 1):
-                gap_y = max(row * width - y, y - (row + 1) * width, 0.0)
-                for column in range(first_column, last_column + 1):
-                    gap_x = max(column * width - x, x - (column + 1) * width, 0.0)
-                    if gap_x * gap_x + gap_y * gap_y > radii[j] * radii[j]:
-                        continue
-                    tile = row * columns + column
-                    if fill == 0:
-                        starts[tile + 1] += 1
-                    else:
-                        members[cursor[tile]] = j
-                        cursor[tile] += 1
-    return starts, members
 
 
 @sum_kernel
@@ -295,6 +262,7 @@ def p2d_terms(
     sharpness: float,
     window_start: float,
     window_end: float,
+    exact: float,
 ) -> Vector:
     """Return the 28 sums over all points and all Gaussians that can meet them, unweighted.
 
@@ -331,6 +299,6 @@ def p2d_terms(
             score, slope, curve = _score(squared, 1.0, sharpness, window_start, window_end)
             _add_pair(
                 terms, score, slope, curve, b0, b1, b2, y0, y1, y2,
-                k00, k01, k02, k11, k12, k22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+                k00, k01, k02, k11, k12, k22, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, exact,
             )  # fmt: skip
     return terms

@@ -8,9 +8,10 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import d2d_terms, p2d_terms, tile_lists
+from scanlock.kernels.terms import d2d_terms, p2d_terms
+from scanlock.kernels.tiles import tile_lists
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.quadratic import Quadratic
+from scanlock.objectives.quadratic import Curvature, Quadratic
 
 _TILE_WIDTH = 3.0
 """Side of the tiles that list the Gaussians in reach [m]; about the size of a cluster."""
@@ -70,6 +71,12 @@ class GaussiansToGaussians:
     source: Gaussians
     shape: ScoreShape = field(default_factory=ScoreShape)
     weight_power: float = 0.5
+    curvature: Curvature = "exact"
+
+    @property
+    def count(self) -> int:
+        """The Gaussians of the source."""
+        return len(self.source)
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
@@ -86,6 +93,7 @@ class GaussiansToGaussians:
                 pose.rotation,
                 pose.translation,
                 *self.shape.parameters,
+                float(self.curvature == "exact"),
             )
         )
 
@@ -101,6 +109,12 @@ class PointsToGaussians:
     target: Gaussians
     points: Points
     shape: ScoreShape = field(default_factory=ScoreShape)
+    curvature: Curvature = "exact"
+
+    @property
+    def count(self) -> int:
+        """The points of the source."""
+        return len(self.points)
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
@@ -112,6 +126,7 @@ class PointsToGaussians:
             pose.rotation,
             pose.translation,
             *self.shape.parameters,
+            float(self.curvature == "exact"),
         )
         return Quadratic.from_terms(terms / len(self.points))
 

@@ -1,7 +1,7 @@
 """What a solver sees of an objective at one pose."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -9,6 +9,13 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.geometry.pose import Pose
 
 _UPPER = np.triu_indices(6)
+
+Curvature = Literal["exact", "convex"]
+"""The Hessian of an objective: the exact one, or its part that is never indefinite.
+
+The convex part is that of Gauss and Newton: the curvature of the score, and the second
+derivatives of the residuals, are left out.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +28,7 @@ class Quadratic:
         The objective itself; always minimised.
     gradient : (6,)
     hessian : (6, 6)
-        Exact; indefinite away from a minimum.
+        Exact, and then indefinite away from a minimum; or its convex part.
     """
 
     value: float
@@ -36,6 +43,11 @@ class Quadratic:
 
 class Objective(Protocol):
     """Anything that can be linearised at a pose."""
+
+    @property
+    def count(self) -> int:
+        """Independent observations that the value is a mean over: points, Gaussians or pairs."""
+        ...
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose` (target from source)."""

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field, replace
 from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective
-from scanlock.solvers.newton import Newton, Solution
+from scanlock.solvers.newton import Newton
+from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
 

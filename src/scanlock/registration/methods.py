@@ -6,7 +6,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.registration.landmarks import Landmarks
 from scanlock.registration.sgc_ndt import SgcNdt
-from scanlock.solvers.newton import Solution
+from scanlock.solvers.solution import Solution
 
 
 class Method(Protocol):

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scanlock.geometry.pose import Pose
-from scanlock.solvers.newton import Iteration
+from scanlock.solvers.solution import Iteration
 
 
 class Status(enum.Enum):

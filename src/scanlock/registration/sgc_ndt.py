@@ -12,7 +12,7 @@ from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGa
 from scanlock.objectives.quadratic import Objective
 from scanlock.registration.coarse_to_fine import CoarseToFine
 from scanlock.registration.landmarks import LandmarkFinder, Landmarks
-from scanlock.solvers.newton import Solution
+from scanlock.solvers.solution import Solution
 
 _POINT_BLUR = 2.0 * 2**0.5
 """Blur of the target in P2D over that of either scan in D2D.

@@ -8,7 +8,7 @@ from scanlock.kernels.meeting import meeting_gaussians
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.result import Status
-from scanlock.solvers.newton import Solution
+from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
 _MEETING_SQUARED = 9.0

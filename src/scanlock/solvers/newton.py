@@ -13,7 +13,8 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.quadratic import Objective, Quadratic
+from scanlock.objectives.quadratic import Curvature, Objective, Quadratic
+from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.stopping import Stopping, StopReason
 
 _LEAST_CURVATURE = 1e-3
@@ -21,39 +22,6 @@ _LEAST_CURVATURE = 1e-3
 
 _ACCEPTED_GAIN = 1e-4
 """Share of the predicted decrease that a step must bring (Armijo's usual constant)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Iteration:
-    """One evaluation of the objective on the way.
-
-    Attributes
-    ----------
-    value : float
-        Objective at the pose tried.
-    gradient_norm, step_norm : float
-        In scaled units (metres at the lever arm).
-    accepted : bool
-        Whether the solver moved there.
-    pose : Pose
-        The pose tried, target from source.
-    """
-
-    value: float
-    gradient_norm: float
-    step_norm: float
-    accepted: bool
-    pose: Pose
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solution:
-    """Where a solver ended and how it came there."""
-
-    pose: Pose
-    quadratic: Quadratic
-    reason: StopReason
-    history: tuple[Iteration, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,6 +45,11 @@ class Newton:
         require_positive("first_radius", self.first_radius, unit="m")
         require_positive("largest_radius", self.largest_radius, unit="m")
         require_at_least("largest_radius", self.largest_radius, self.first_radius, unit="m")
+
+    @property
+    def curvature(self) -> Curvature:
+        """The Hessian that the solver wants of an objective."""
+        return "exact"
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with every evaluation on the way.

@@ -8,16 +8,19 @@ from reference.samples import gaussians
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.terms import d2d_terms
 from scanlock.models.gaussians import Gaussians
+from scanlock.objectives.quadratic import Quadratic
 
 
-def _terms(target, source, pose, *, sharpness=1.0, start=16.0, end=25.0, width_factor=1.0):
+def _terms(
+    target, source, pose, *, sharpness=1.0, start=16.0, end=25.0, width_factor=1.0, exact=1.0
+):
     def side(part):
         widths = width_factor * part.widths
         widths.setflags(write=False)
         return part.means, part.packed_covariances, widths, part.weights()
 
     return d2d_terms(
-        *side(target), *side(source), pose.rotation, pose.translation, sharpness, start, end
+        *side(target), *side(source), pose.rotation, pose.translation, sharpness, start, end, exact
     )
 
 
@@ -92,3 +95,25 @@ def test_the_same_bits_every_time():
     target, source = gaussians(rng, 30), gaussians(rng, 30)
     pose = Pose.from_step(rng.normal(size=6))
     assert len({_terms(target, source, pose).tobytes() for _ in range(5)}) == 1
+
+
+def test_the_convex_part_has_the_same_slope_and_no_negative_curvature():
+    rng = np.random.default_rng(8)
+    target, source = gaussians(rng, 40), gaussians(rng, 40)
+    indefinite = 0
+    for _ in range(20):
+        pose = Pose.from_step(rng.normal(0.0, 2.0, 6))
+        exact, convex = (_terms(target, source, pose, exact=part) for part in (1.0, 0.0))
+        np.testing.assert_array_equal(convex[:7], exact[:7])
+        eigenvalues = np.linalg.eigvalsh(Quadratic.from_terms(convex).hessian)
+        assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
+        indefinite += np.linalg.eigvalsh(Quadratic.from_terms(exact).hessian)[0] < 0.0
+    assert indefinite > 0
+
+
+def test_at_a_perfect_fit_of_one_pair_both_curvatures_are_one():
+    # With q = 0 every part that the convex Hessian leaves out vanishes.
+    one = _one([3.0, 1.0, 2.0], 1.0)
+    exact, convex = (_terms(one, one, Pose.identity(), exact=part) for part in (1.0, 0.0))
+    np.testing.assert_allclose(convex, exact, atol=1e-12)
+    assert np.abs(convex[7:]).max() > 0.1

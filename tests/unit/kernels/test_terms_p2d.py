@@ -7,7 +7,8 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import p2d_terms, tile_lists
+from scanlock.kernels.terms import p2d_terms
+from scanlock.kernels.tiles import tile_lists
 
 
 def _tiles(means, radii, corner, width, columns, rows):
@@ -55,6 +56,7 @@ def test_terms_from_lists_match_the_sum_over_all_pairs():
         1.0,
         16.0,
         25.0,
+        1.0,
     )
     expected = 300 * reference.p2d_value(pose, target, points)
     np.testing.assert_allclose(terms[0], expected, rtol=1e-11)
@@ -79,5 +81,21 @@ def test_a_point_outside_all_tiles_meets_nothing():
         1.0,
         16.0,
         25.0,
+        1.0,
     )
     np.testing.assert_array_equal(terms, np.zeros(28))
+
+
+def test_the_convex_part_is_that_of_gauss_and_newton():
+    rng = np.random.default_rng(11)
+    target = gaussians(rng, 6, spread=2.0)
+    points = rng.uniform(-3.0, 3.0, (40, 3))
+    pose = Pose.from_step(0.1 * rng.normal(size=6))
+    lists = _tiles(target.means, np.full(6, 50.0), np.full(2, -60.0), 120.0, 1, 1)
+    terms = p2d_terms(
+        read_only(points), target.means, target.packed_precisions, *lists,
+        read_only(np.full(2, -60.0)), 120.0, 1, 1, pose.rotation, pose.translation,
+        1.0, 16.0, 25.0, 0.0,
+    )  # fmt: skip
+    expected = reference.p2d_gauss_newton(pose, target, points)
+    np.testing.assert_allclose(terms[7:], expected[np.triu_indices(6)], rtol=1e-9, atol=1e-12)

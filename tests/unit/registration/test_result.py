@@ -9,7 +9,7 @@ import pytest
 from reference.samples import yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.registration.result import Registration, Status
-from scanlock.solvers.newton import Iteration
+from scanlock.solvers.solution import Iteration
 
 _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 

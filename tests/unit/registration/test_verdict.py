@@ -14,7 +14,7 @@ from scanlock.registration.verdict import (
     score_correlation,
     weakest_direction,
 )
-from scanlock.solvers.newton import Solution
+from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
 _UP = np.array([0.0, 0.0, 1.0])
