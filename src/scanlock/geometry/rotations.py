@@ -45,6 +45,20 @@ def log_rotation(rotation: Matrix) -> Vector:
     return vector * (2.0 * np.arctan2(sine, scalar) / sine)
 
 
+def inverse_left_jacobian(phi: Vector) -> Matrix:
+    """Return J with ``log(exp(d) exp(phi)) = phi + J d`` to first order in a small ``d``.
+
+    Grows without bound as ``|phi|`` nears a whole turn; `log_rotation` stays within half of one.
+    """
+    angle = float(np.linalg.norm(phi))
+    if angle < _SMALL_ANGLE:
+        ratio = 1.0 / 12.0 + angle**2 / 720.0
+    else:
+        ratio = 1.0 / angle**2 - 0.5 / (angle * np.tan(0.5 * angle))
+    generator = hat(phi)
+    return np.eye(3) - 0.5 * generator + ratio * generator @ generator
+
+
 def rotation_angle(rotation: Matrix) -> float:
     """Return the angle [rad] in [0, pi] of a rotation, accurate at both ends."""
     return float(np.linalg.norm(log_rotation(rotation)))
