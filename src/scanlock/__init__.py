@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from scanlock.models.segmentation import Segmentation as Segmentation
     from scanlock.models.segmentation import Segmenter as Segmenter
     from scanlock.models.segmentation import segment as segment
+    from scanlock.objectives.restraint import PosePrior as PosePrior
     from scanlock.registration.methods import METHODS as METHODS
+    from scanlock.registration.prepared import PreparedScan as PreparedScan
+    from scanlock.registration.prepared import prepare as prepare
     from scanlock.registration.register import register as register
     from scanlock.registration.result import Registration as Registration
     from scanlock.registration.result import Status as Status
@@ -33,12 +36,15 @@ _HOMES = {
     "InvalidInput": "scanlock.errors",
     "PointCloud": "scanlock.clouds.point_cloud",
     "Pose": "scanlock.geometry.pose",
+    "PosePrior": "scanlock.objectives.restraint",
+    "PreparedScan": "scanlock.registration.prepared",
     "Registration": "scanlock.registration.result",
     "ScanlockError": "scanlock.errors",
     "Segmentation": "scanlock.models.segmentation",
     "Segmenter": "scanlock.models.segmentation",
     "SgcNdt": "scanlock.registration.sgc_ndt",
     "Status": "scanlock.registration.result",
+    "prepare": "scanlock.registration.prepared",
     "register": "scanlock.registration.register",
     "segment": "scanlock.models.segmentation",
     "warm_up": "scanlock.registration.warm_up",

@@ -12,6 +12,9 @@ from scanlock.models.ground import Ground, GroundStatus
 from scanlock.models.segmentation import Segmenter, is_obstacle, upright
 from scanlock.registration.stages import StageClock
 
+LEAST_PARTS = 4
+"""Three Gaussians can be laid over three others by chance; four hardly ever."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Landmarks:
@@ -39,6 +42,14 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         frozen(self.obstacles)
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered; empty when it can."""
+        parts = len(self.gaussians[-1])
+        if parts >= LEAST_PARTS:
+            return ""
+        return f"holds {parts} parts besides the ground, of {LEAST_PARTS} needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,27 +1,57 @@
 """The one list of methods; the command line, the studies and the contract tests read it."""
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol, TypeVar
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.registration.landmarks import Landmarks
+from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.solvers.solution import Solution
 
 
-class Method(Protocol):
-    """A way to register two scans: settings that can do their job."""
+class Kept(Protocol):
+    """What a method keeps of a scan, as target or as source."""
 
-    def prepare(self, cloud: PointCloud) -> Landmarks:
-        """Return what the method keeps of a scan, to be used as target or source."""
+    @property
+    def cloud(self) -> PointCloud:
+        """The checked points of the whole scan."""
         ...
 
-    def align(self, target: Landmarks, source: Landmarks, start: Pose) -> Solution:
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found on the way that a user may want to know."""
+        ...
+
+    @property
+    def timings(self) -> Mapping[str, float]:
+        """Wall time of each stage [s]."""
+        ...
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered, to follow "the source"; empty when it can."""
+        ...
+
+
+_Kept = TypeVar("_Kept", bound=Kept)
+
+
+class Method(Protocol[_Kept]):
+    """A way to register two scans: settings that can do their job."""
+
+    def prepare(self, cloud: PointCloud) -> _Kept:
+        """Return what the method keeps of a scan."""
+        ...
+
+    def align(
+        self, target: _Kept, source: _Kept, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
         """Return the pose found from `start`, in the local frames of the clouds."""
         ...
 
 
-METHODS: dict[str, Method] = {
+METHODS: dict[str, Method[Any]] = {
     "sgc-ndt-d2d": SgcNdt(score="d2d"),
     "sgc-ndt-p2d": SgcNdt(score="p2d"),
 }

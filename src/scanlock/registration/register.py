@@ -2,14 +2,17 @@
 
 import math
 import time
+from typing import Any
 
 from numpy.typing import ArrayLike
 
 from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.registration.landmarks import Landmarks
-from scanlock.registration.methods import DEFAULT_METHOD, METHODS, Method
+from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
+from scanlock.registration.evidence import Evidence
+from scanlock.registration.methods import DEFAULT_METHOD, Method
+from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
 from scanlock.registration.verdict import (
@@ -18,30 +21,37 @@ from scanlock.registration.verdict import (
     score_correlation,
     weakest_direction,
 )
-
-_LEAST_PARTS = 4
-"""Three Gaussians can be laid over three others by chance; four hardly ever."""
+from scanlock.solvers.solution import Solution
 
 
 def register(
-    source: ArrayLike | PointCloud,
-    target: ArrayLike | PointCloud,
+    source: ArrayLike | PointCloud | PreparedScan,
+    target: ArrayLike | PointCloud | PreparedScan,
     *,
-    method: str | Method = DEFAULT_METHOD,
+    method: str | Method[Any] | None = None,
     initial: ArrayLike | Pose | None = None,
+    dof: DegreesOfFreedom = "xyz+rpy",
+    prior: PosePrior | None = None,
 ) -> Registration:
     """Return the pose that carries the source scan onto the target scan.
 
     Parameters
     ----------
-    source, target : (n, 3+) array or PointCloud [m]
+    source, target : (n, 3+) array, PointCloud or PreparedScan [m]
         Two scans, each in its sensor's frame with z roughly upwards, or both in one map frame;
         float32 or float64. Columns past the third are ignored, rows with NaN or Inf left out.
-        The target stays, the source moves (the papers' reference and scene).
-    method : str or Method
-        A key of `METHODS`, or a method with settings of your own such as ``SgcNdt(...)``.
+        The target stays, the source moves (the papers' reference and scene). A scan from
+        `prepare` is not prepared again.
+    method : str or Method, optional
+        A key of `METHODS`, or a method with settings of your own such as ``SgcNdt(...)``. By
+        default the one that prepared the scans, or else `DEFAULT_METHOD`.
     initial : (4, 4) array or Pose, optional
         Where to start, target from source; the identity by default.
+    dof : str
+        What may change of the initial pose, along and about the target's axes: ``"xyz+rpy"``
+        everything, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for a flat world.
+    prior : PosePrior, optional
+        A Gaussian belief about the pose, weighed against the scans as one more observation.
 
     Returns
     -------
@@ -51,55 +61,73 @@ def register(
     Raises
     ------
     InvalidInput
-        A scan of the wrong shape or type or without a finite point, an unknown method, or an
-        initial pose that is no rigid motion.
+        A scan of the wrong shape or type or without a finite point, an unknown method, a scan
+        prepared by another method, or an initial pose that is no rigid motion.
     """
-    name, chosen = _method(method)
-    clock = StageClock()
     begin = time.perf_counter()
-    with clock.stage("check"):
-        target_cloud = PointCloud.from_array(target, "target")
-        source_cloud = PointCloud.from_array(source, "source")
-        start = _start(initial)
-    target_marks, source_marks = chosen.prepare(target_cloud), chosen.prepare(source_cloud)
-    for marks in (target_marks, source_marks):
-        for stage, seconds in marks.timings.items():
-            clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
-    notes = _notes(target_marks, source_marks)
-
-    parts = {"target": len(target_marks.gaussians[-1]), "source": len(source_marks.gaussians[-1])}
-    if min(parts.values()) < _LEAST_PARTS:
-        side = min(parts, key=lambda key: parts[key])
-        reason = (
-            f"the {side} holds {parts[side]} parts besides the ground, of {_LEAST_PARTS} needed"
-        )
+    name, chosen = _method(method, source, target)
+    start = _start(initial)
+    Restraint(dof=dof)
+    sides = [_ready(scan, role, chosen) for scan, role in ((target, "target"), (source, "source"))]
+    clock = StageClock()
+    for scan, side in zip((target, source), sides, strict=True):
+        if not isinstance(scan, PreparedScan):
+            for stage, seconds in side.timings.items():
+                clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
+    notes = [
+        f"{role}: {note}"
+        for role, side in zip(("target", "source"), sides, strict=True)
+        for note in side.notes
+    ]
+    shortages = [side.shortage for side in sides]
+    evidence = [side.evidence for side in sides]
+    if any(shortages) or evidence[0] is None or evidence[1] is None:
+        role = "target" if shortages[0] else "source"
+        reason = f"the {role} {shortages[0] or shortages[1]}"
         clock.seconds["total"] = time.perf_counter() - begin
         return Registration(
-            start, Status.NO_FEATURES, reason, name, math.nan, math.nan, (), clock.seconds, notes
-        )
+            start, Status.NO_FEATURES, reason, name, math.nan, math.nan, (), clock.seconds,
+            tuple(notes),
+        )  # fmt: skip
 
+    clouds = sides[0].cloud, sides[1].cloud
     with clock.stage("align"):
-        solution = chosen.align(
-            target_marks, source_marks, local_pose(start, target_cloud, source_cloud)
-        )
+        restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
+        solution = chosen.align(sides[0].kept, sides[1].kept, local_pose(start, *clouds), restraint)
     with clock.stage("verdict"):
-        both = target_marks.gaussians[-1], source_marks.gaussians[-1]
-        overlap = gaussian_overlap(*both, solution.pose)
-        score = score_correlation(*both, solution.pose)
-        status, reason = judge(solution, overlap, score, *weakest_direction(both[0]))
+        overlap, score, status, reason = _verdict(solution, evidence[0], evidence[1])
     clock.seconds["total"] = time.perf_counter() - begin
-    pose = caller_pose(solution.pose, target_cloud, source_cloud)
     return Registration(
-        pose, status, reason, name, overlap, score, solution.history, clock.seconds, notes
-    )
+        caller_pose(solution.pose, *clouds), status, reason, name, overlap, score,
+        solution.history, clock.seconds, (*notes, *solution.notes),
+    )  # fmt: skip
 
 
-def _method(method: str | Method) -> tuple[str, Method]:
-    if not isinstance(method, str):
-        return type(method).__name__, method
-    if method not in METHODS:
-        raise InvalidInput(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    return method, METHODS[method]
+def _method(
+    method: str | Method[Any] | None,
+    source: ArrayLike | PointCloud | PreparedScan,
+    target: ArrayLike | PointCloud | PreparedScan,
+) -> tuple[str, Method[Any]]:
+    prepared = [scan for scan in (source, target) if isinstance(scan, PreparedScan)]
+    if method is not None:
+        name, chosen = named_method(method)
+    elif prepared:
+        name, chosen = prepared[0].name, prepared[0].method
+    else:
+        name, chosen = named_method(DEFAULT_METHOD)
+    for scan in prepared:
+        if scan.method != chosen:
+            raise InvalidInput(
+                f"method must be the one that prepared the scan ({scan.name}), got {name}; "
+                "prepare it again for another method"
+            )
+    return name, chosen
+
+
+def _ready(
+    scan: ArrayLike | PointCloud | PreparedScan, role: str, method: Method[Any]
+) -> PreparedScan:
+    return scan if isinstance(scan, PreparedScan) else prepare(scan, method=method, role=role)
 
 
 def _start(initial: ArrayLike | Pose | None) -> Pose:
@@ -108,13 +136,19 @@ def _start(initial: ArrayLike | Pose | None) -> Pose:
     return initial if isinstance(initial, Pose) else Pose.from_matrix(initial)
 
 
-def _notes(target: Landmarks, source: Landmarks) -> tuple[str, ...]:
-    notes: list[str] = []
-    for role, marks in (("target", target), ("source", source)):
-        cloud = marks.cloud
-        if cloud.dropped_count:
-            notes.append(f"{role}: {cloud.dropped_count} rows with NaN or Inf left out")
-        if cloud.origin.any():
-            notes.append(f"{role}: computed about the origin {cloud.origin.tolist()} m")
-        notes.extend(f"{role}: {note}" for note in marks.notes)
-    return tuple(notes)
+def _local_prior(
+    prior: PosePrior | None, target: PointCloud, source: PointCloud
+) -> PosePrior | None:
+    if prior is None:
+        return None
+    return PosePrior(local_pose(prior.pose, target, source), prior.covariance)
+
+
+def _verdict(
+    solution: Solution, target: Evidence, source: Evidence
+) -> tuple[float, float, Status, str]:
+    both = target.gaussians, source.gaussians
+    overlap = gaussian_overlap(*both, solution.pose)
+    score = score_correlation(*both, solution.pose)
+    status, reason = judge(solution, overlap, score, *weakest_direction(both[0]))
+    return overlap, score, status, reason

@@ -10,6 +10,7 @@ from scanlock.errors import InvalidInput, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.objectives.quadratic import Objective
+from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.coarse_to_fine import CoarseToFine
 from scanlock.registration.landmarks import LandmarkFinder, Landmarks
 from scanlock.solvers.solution import Solution
@@ -51,8 +52,11 @@ class SgcNdt:
         """Return what the method keeps of a scan."""
         return self.landmarks.find(cloud, [scale.largest_radius for scale in self.schedule.scales])
 
-    def align(self, target: Landmarks, source: Landmarks, start: Pose) -> Solution:
+    def align(
+        self, target: Landmarks, source: Landmarks, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
+        curvature = self.schedule.solver.curvature
 
         def objective_at(index: int) -> Objective:
             scale = self.schedule.scales[index]
@@ -62,11 +66,13 @@ class SgcNdt:
                 return PointsToGaussians(
                     target=target.gaussians[index].widened(_POINT_BLUR * blur),
                     points=read_only(voxel_means(source.obstacles, spacing)),
+                    curvature=curvature,
                 )
             return GaussiansToGaussians(
                 target=target.gaussians[index].widened(blur),
                 source=source.gaussians[index].widened(blur),
                 weight_power=scale.weight_power,
+                curvature=curvature,
             )
 
-        return self.schedule.minimise(objective_at, start)
+        return self.schedule.minimise(lambda index: restraint.on(objective_at(index)), start)

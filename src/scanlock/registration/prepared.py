@@ -1,0 +1,103 @@
+"""Scans made ready once, to be target of one registration and source of the next."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import InvalidInput
+from scanlock.registration.evidence import Evidence, evidence_of, find_evidence
+from scanlock.registration.landmarks import LEAST_PARTS, Landmarks
+from scanlock.registration.methods import DEFAULT_METHOD, METHODS, Kept, Method
+from scanlock.registration.stages import StageClock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedScan:
+    """A scan with all that does not depend on the other scan; `register` takes it as it is.
+
+    Attributes
+    ----------
+    method : Method
+        Settings that prepared it, and the only ones that can register it.
+    name : str
+        Key of `METHODS`, or the class of the settings.
+    kept : Kept
+        What the method keeps of the scan.
+    evidence : Evidence or None
+        What the verdict looks at; None where the scan cannot be registered.
+    shortage : str
+        Why the scan cannot be registered; empty when it can.
+    timings : mapping of str to float [s]
+        Wall time of each stage.
+    """
+
+    method: Method[Any]
+    name: str
+    kept: Kept
+    evidence: Evidence | None
+    shortage: str
+    timings: dict[str, float]
+
+    @property
+    def cloud(self) -> PointCloud:
+        """The checked points of the whole scan."""
+        return self.kept.cloud
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found on the way that a user may want to know."""
+        found = () if self.evidence is None else self.evidence.notes
+        notes = dict.fromkeys((*self.kept.notes, *found))
+        if self.cloud.dropped_count:
+            count = self.cloud.dropped_count
+            return (f"{count} rows with NaN or Inf left out", *self._origin(), *notes)
+        return (*self._origin(), *notes)
+
+    def _origin(self) -> tuple[str, ...]:
+        origin = self.cloud.origin
+        return (f"computed about the origin {origin.tolist()} m",) if origin.any() else ()
+
+
+def prepare(
+    scan: ArrayLike | PointCloud, *, method: str | Method[Any] = DEFAULT_METHOD, role: str = "scan"
+) -> PreparedScan:
+    """Return a scan made ready for any number of registrations.
+
+    Parameters
+    ----------
+    scan : (n, 3+) array or PointCloud [m]
+        As for `register`.
+    method : str or Method
+        As for `register`; a prepared scan is registered by the method that prepared it.
+    role : str
+        What to call the scan in errors.
+
+    Raises
+    ------
+    InvalidInput
+        A scan that is none, or an unknown method.
+    """
+    name, chosen = named_method(method)
+    clock = StageClock()
+    with clock.stage("check"):
+        cloud = PointCloud.from_array(scan, role)
+    kept: Kept = chosen.prepare(cloud)
+    clock.seconds.update(kept.timings)
+    if kept.shortage:
+        return PreparedScan(chosen, name, kept, None, kept.shortage, clock.seconds)
+    with clock.stage("evidence"):
+        evidence = evidence_of(kept) if isinstance(kept, Landmarks) else find_evidence(cloud)
+    parts = len(evidence.gaussians)
+    shortage = "" if parts >= LEAST_PARTS else f"holds {parts} parts, of {LEAST_PARTS} needed"
+    return PreparedScan(chosen, name, kept, evidence, shortage, clock.seconds)
+
+
+def named_method(method: str | Method[Any]) -> tuple[str, Method[Any]]:
+    """Return the name and the settings of a method given by either."""
+    if not isinstance(method, str):
+        return type(method).__name__, method
+    if method not in METHODS:
+        raise InvalidInput(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    return method, METHODS[method]
