@@ -1,0 +1,114 @@
+"""The surface around each point of a scan: its normal, and a covariance that is flat along it.
+
+Generalised ICP takes each point for a sample of a surface: where on the surface it lies is
+uncertain, how far off it is not (Segal, Haehnel and Thrun 2009, section III.B).
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from scanlock.arrays import Labels, Matrix, Points, read_only
+from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
+from scanlock.kernels.surfaces import neighbour_covariances, principal_axes
+
+SurfaceShape = Literal["plane", "ellipsoid"]
+"""What the neighbours of a point are taken for.
+
+``"plane"`` gives every point the variances (thinness, 1, 1) about its normal, as in the paper,
+whether its neighbours are flat or not. ``"ellipsoid"`` keeps the proportions of the neighbours'
+own variances, largest 1 and none below the thinness: wires and foliage then are no planes.
+"""
+
+LEAST_NEIGHBOURS = 4
+"""Three points always lie in a plane, whatever the surface: the fourth tells."""
+
+_PACKED_ROWS = (0, 0, 0, 1, 1, 2)
+_PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)
+
+
+def surface_covariances(
+    points: Points,
+    neighbours: int = 10,
+    *,
+    shape: SurfaceShape = "plane",
+    thinness: float = 1e-3,
+) -> Matrix:
+    """Return the (n, 6) covariances of the surface around each point [m^2].
+
+    Packed upper triangles xx, xy, xz, yy, yz, zz, as the kernels read them;
+    `scanlock.models.gaussians.unpacked` makes (n, 3, 3) matrices of them.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+        Thin them first: among the points of one scan line the surface is a line.
+    neighbours : int
+        Nearest points that are looked at, the point itself included; all where there are fewer.
+    shape : str
+        What the neighbours are taken for.
+    thinness : float [m^2]
+        Variance across the surface, where that along it is 1.
+
+    Raises
+    ------
+    InvalidInput
+        Fewer than 4 neighbours, an unknown shape, or a thinness outside (0, 1].
+
+    Notes
+    -----
+    Segal, Haehnel and Thrun (2009) use the plane with a thinness of 1e-3 and 20 neighbours,
+    small_gicp the same with 10.
+    """
+    if shape not in ("plane", "ellipsoid"):
+        raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
+    require_positive("thinness", thinness, unit="m^2")
+    require_fraction("thinness", thinness)
+    variances, axes = _principal_axes(points, neighbours)
+    if shape == "plane":
+        variances = np.broadcast_to([thinness, 1.0, 1.0], variances.shape)
+    else:
+        largest = variances[:, 2:]
+        shares = np.divide(variances, largest, out=np.ones_like(variances), where=largest > 0.0)
+        variances = np.maximum(shares, thinness)
+    first, second = axes[:, :, list(_PACKED_ROWS)], axes[:, :, list(_PACKED_COLUMNS)]
+    return np.einsum("na,nap,nap->np", variances, first, second)
+
+
+def surface_normals(points: Points, neighbours: int = 10) -> Points:
+    """Return the (n, 3) unit normals of the surface around each point, towards the zero.
+
+    Scans in their sensor's frame thus have normals that face the sensor. Where the neighbours
+    lie on a line or in one place the direction is one of many, and the same in every run.
+
+    Parameters
+    ----------
+    points, neighbours
+        As for `surface_covariances`.
+
+    Raises
+    ------
+    InvalidInput
+        Fewer than 4 neighbours.
+    """
+    _, axes = _principal_axes(points, neighbours)
+    normals = axes[:, 0]
+    away = np.einsum("na,na->n", normals, points) > 0.0
+    return np.where(away[:, None], -normals, normals)
+
+
+def _principal_axes(points: Points, neighbours: int) -> tuple[Matrix, NDArray[np.float64]]:
+    """Return ascending variances (n, 3) of the neighbours, and their (n, 3, 3) axes by row."""
+    require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
+    rows = _nearest(points, min(neighbours, len(points)))
+    covariances = neighbour_covariances(read_only(points), read_only(rows))
+    variances, axes = principal_axes(read_only(covariances))
+    return variances, axes.reshape(-1, 3, 3)
+
+
+def _nearest(points: Points, neighbours: int) -> Labels:
+    tree = KDTree(points, balanced_tree=False, compact_nodes=False)
+    _, rows = tree.query(points, neighbours)
+    return np.asarray(rows, np.int64).reshape(len(points), neighbours)

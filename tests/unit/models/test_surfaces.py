@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from reference import surfaces as reference
+from scanlock.errors import InvalidInput
+from scanlock.models.gaussians import unpacked
+from scanlock.models.surfaces import surface_covariances, surface_normals
+
+
+def _cloud(seed, count=300):
+    return np.random.default_rng(seed).uniform(-5.0, 5.0, (count, 3))
+
+
+def _wall(seed, normal, distance, count=400, noise=0.01):
+    rng = np.random.default_rng(seed)
+    normal = np.array(normal) / np.linalg.norm(normal)
+    along, up = np.linalg.svd(normal[None])[2][1:]
+    flat = rng.uniform(-4.0, 4.0, (count, 2))
+    off = distance + rng.normal(0.0, noise, (count, 1))
+    return flat[:, :1] * along + flat[:, 1:] * up + off * normal
+
+
+@pytest.mark.parametrize("neighbours", [4, 10, 20])
+@pytest.mark.parametrize("shape", ["plane", "ellipsoid"])
+def test_covariances_are_those_of_the_definition(shape, neighbours):
+    points = _cloud(neighbours)
+    expected = {
+        "plane": reference.plane_covariances,
+        "ellipsoid": reference.ellipsoid_covariances,
+    }[shape](points, neighbours, 1e-3)
+    found = surface_covariances(points, neighbours, shape=shape)
+    np.testing.assert_allclose(unpacked(found), expected, atol=1e-10)
+
+
+def test_the_default_is_that_of_the_paper():
+    variances = np.linalg.eigvalsh(unpacked(surface_covariances(_cloud(1))))
+    np.testing.assert_allclose(variances, np.tile([1e-3, 1.0, 1.0], (300, 1)), atol=1e-12)
+
+
+def test_thinness_is_the_variance_across_the_surface():
+    points = _wall(0, [0.0, 0.0, 1.0], 3.0, noise=0.0)
+    np.testing.assert_allclose(
+        surface_covariances(points, thinness=0.02),
+        np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.02], (len(points), 1)),
+        atol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("normal", [(0, 0, 1), (1, 0, 0), (1, -2, 0.5)])
+@pytest.mark.parametrize("distance", [6.0, -6.0])
+def test_normals_of_a_wall_face_the_zero(normal, distance):
+    points = _wall(1, normal, distance)
+    normals = surface_normals(points)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-12)
+    towards = -np.sign(distance) * np.array(normal) / np.linalg.norm(normal)
+    # Ten points over a metre and a centimetre of noise: a few degrees.
+    assert np.median(normals @ towards) > 0.9999
+    assert (normals @ towards > 0.98).all()
+
+
+def test_a_normal_is_the_thin_axis_of_its_covariance():
+    points = _cloud(2)
+    full = unpacked(surface_covariances(points, 12))
+    normals = surface_normals(points, 12)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", full, normals), 1e-3 * normals, atol=1e-10)
+
+
+def test_an_ellipsoid_knows_a_wire_from_a_plane():
+    wire = np.column_stack([np.linspace(0.0, 10.0, 50), np.zeros((50, 2))])
+    np.testing.assert_allclose(
+        surface_covariances(wire, shape="ellipsoid"),
+        np.tile([1.0, 0.0, 0.0, 1e-3, 0.0, 1e-3], (50, 1)),
+        atol=1e-12,
+    )
+
+
+def test_points_far_from_zero_have_the_same_surface():
+    points = _wall(3, [1.0, 2.0, 3.0], 2.0)
+    far = surface_covariances(points + np.array([5e5, -4e6, 300.0]))
+    np.testing.assert_allclose(far, surface_covariances(points), atol=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 9])
+def test_fewer_points_than_neighbours_are_all_neighbours(count):
+    points = _cloud(4, count)
+    found = surface_covariances(points, 10)
+    assert found.shape == (count, 6)
+    np.testing.assert_allclose(np.linalg.eigvalsh(unpacked(found))[:, 0], 1e-3, atol=1e-12)
+    if count == 9:
+        expected = reference.plane_covariances(points, 9, 1e-3)
+        np.testing.assert_allclose(unpacked(found), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("shape", ["plane", "ellipsoid"])
+def test_equal_points_have_a_finite_covariance(shape):
+    found = surface_covariances(np.full((30, 3), 2.5), shape=shape)
+    variances = np.linalg.eigvalsh(unpacked(found))
+    assert (variances > 0.9e-3).all()
+    assert (variances < 1.1).all()
+    assert np.isfinite(surface_normals(np.full((30, 3), 2.5))).all()
+
+
+def test_points_are_left_as_they_were():
+    points = _cloud(5)
+    before = points.copy()
+    surface_covariances(points)
+    surface_normals(points)
+    np.testing.assert_array_equal(points, before)
+    assert points.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"neighbours": 3}, "neighbours must be a whole number of at least 4, got 3"),
+        ({"shape": "sphere"}, "shape must be 'plane' or 'ellipsoid', got 'sphere'"),
+        ({"thinness": 0.0}, "thinness must be positive"),
+        ({"thinness": 2.0}, "thinness must lie between 0 and 1"),
+    ],
+)
+def test_settings_out_of_range_are_refused(settings, message):
+    with pytest.raises(InvalidInput, match=message):
+        surface_covariances(_cloud(0), **settings)
