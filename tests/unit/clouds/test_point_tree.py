@@ -1,0 +1,111 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from reference import point_tree as reference
+from scanlock.clouds.point_tree import PointTree
+from scanlock.errors import InvalidInput
+
+
+def _ring(rng, count):
+    turn, radius = rng.uniform(0.0, 7.0, count), 3.0 + rng.exponential(20.0, count)
+    return np.column_stack([radius * np.cos(turn), radius * np.sin(turn), rng.normal(size=count)])
+
+
+def _lattice(rng, count):
+    return rng.integers(0, 6, (count, 3)).astype(np.float64)
+
+
+_CLOUDS = {
+    "cube": lambda rng, n: rng.uniform(-20.0, 20.0, (n, 3)),
+    "scan": _ring,
+    "line": lambda rng, n: np.column_stack([rng.normal(size=n), np.zeros((n, 2))]),
+    "plane": lambda rng, n: np.column_stack([rng.normal(size=(n, 2)), np.full(n, -1.7)]),
+    "lattice with equal points": _lattice,
+    "one place": lambda rng, n: np.tile(rng.normal(size=3), (n, 1)),
+    "sorted": lambda rng, n: np.sort(rng.normal(size=(n, 3)), axis=0),
+    "map": lambda rng, n: rng.normal(size=(n, 3)) + np.array([5e5, 5.4e6, 100.0]),
+}
+
+
+@pytest.mark.parametrize("count", [1, 2, 16, 17, 33, 500])
+@pytest.mark.parametrize("cloud", _CLOUDS)
+def test_the_nearest_point_is_the_one_of_all_distances(cloud, count):
+    rng = np.random.default_rng(count)
+    points = _CLOUDS[cloud](rng, count)
+    queries = np.concatenate([points + rng.normal(0.0, 0.5, points.shape), points, 3.0 * points])
+    tree = PointTree.from_points(points)
+    rows, distances = tree.nearest(queries)
+    _, expected = reference.nearest(points, queries)
+    np.testing.assert_allclose(distances, expected, rtol=1e-14, atol=1e-14)
+    gaps = np.linalg.norm(queries - tree.points[rows], axis=1)
+    np.testing.assert_allclose(gaps, expected, rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("limit", [0.0, 0.3, 1.0, 1e3])
+def test_points_beyond_the_limit_do_not_count(limit):
+    rng = np.random.default_rng(0)
+    points, queries = rng.uniform(-5.0, 5.0, (2, 400, 3))
+    tree = PointTree.from_points(points)
+    rows, distances = tree.nearest(queries, limit)
+    expected_rows, expected = reference.nearest(points, queries, limit)
+    np.testing.assert_array_equal(np.where(rows < 0, -1, tree.rows[rows]), expected_rows)
+    np.testing.assert_allclose(distances, expected, rtol=1e-14)
+
+
+def test_a_point_at_the_limit_is_beyond_it():
+    tree = PointTree.from_points(np.zeros((1, 3)))
+    queries = np.array([[0.0, 2.0, 0.0], [0.0, np.nextafter(2.0, 0.0), 0.0]])
+    np.testing.assert_array_equal(tree.nearest(queries, 2.0)[0], [-1, 0])
+
+
+@pytest.mark.parametrize("count", [1, 16, 17, 33, 500])
+@pytest.mark.parametrize("cloud", _CLOUDS)
+def test_neighbours_are_those_of_all_distances(cloud, count):
+    points = _CLOUDS[cloud](np.random.default_rng(count), count)
+    tree = PointTree.from_points(points)
+    several = min(12, count)
+    rows = tree.neighbours(several)
+    gaps = np.linalg.norm(tree.points[:, None] - tree.points[rows], axis=2)
+    expected = np.sort(reference.distances(tree.points, tree.points), axis=1)[:, :several]
+    np.testing.assert_allclose(gaps, expected, rtol=1e-14, atol=1e-14)
+    assert all(len(set(row)) == several for row in rows)
+
+
+@pytest.mark.parametrize("cloud", _CLOUDS)
+def test_rows_lead_back_to_the_points_given(cloud):
+    points = _CLOUDS[cloud](np.random.default_rng(1), 300)
+    before = points.copy()
+    tree = PointTree.from_points(points)
+    np.testing.assert_array_equal(points, before)
+    np.testing.assert_array_equal(np.sort(tree.rows), np.arange(300))
+    np.testing.assert_array_equal(tree.points, points[tree.rows])
+
+
+def test_neighbours_in_space_are_neighbours_in_memory():
+    tree = PointTree.from_points(np.random.default_rng(2).uniform(0.0, 10.0, (4096, 3)))
+    # 256 leaves of 16 points: a leaf is some 1.6 m wide, the cloud 10 m.
+    leaves = tree.points.reshape(256, 16, 3)
+    assert np.ptp(leaves, axis=1).max() < 4.0
+
+
+def test_trees_are_read_only_and_pickle():
+    tree = PointTree.from_points(np.random.default_rng(3).normal(size=(50, 3)))
+    again = pickle.loads(pickle.dumps(tree))
+    for name in ("points", "rows", "axes", "places"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(tree, name))
+        assert not getattr(again, name).flags.writeable
+    assert len(again) == 50
+
+
+def test_no_point_makes_no_tree():
+    with pytest.raises(InvalidInput, match="points must hold at least one point, got none"):
+        PointTree.from_points(np.empty((0, 3)))
+
+
+@pytest.mark.parametrize("count", [0, 11, 2.5])
+def test_impossible_counts_are_refused(count):
+    tree = PointTree.from_points(np.zeros((10, 3)))
+    with pytest.raises(InvalidInput, match="count must be"):
+        tree.neighbours(count)
