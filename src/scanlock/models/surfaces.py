@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
-from scanlock.arrays import Labels, Matrix, Points, read_only
+from scanlock.arrays import Matrix, Points, read_only
+from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.kernels.surfaces import neighbour_covariances, principal_axes
 
@@ -25,12 +25,12 @@ own variances, largest 1 and none below the thinness: wires and foliage then are
 LEAST_NEIGHBOURS = 4
 """Three points always lie in a plane, whatever the surface: the fourth tells."""
 
-_PACKED_ROWS = (0, 0, 0, 1, 1, 2)
-_PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)
+_PACKED_ROWS = [0, 0, 0, 1, 1, 2]
+_PACKED_COLUMNS = [0, 1, 2, 1, 2, 2]
 
 
 def surface_covariances(
-    points: Points,
+    points: Points | PointTree,
     neighbours: int = 10,
     *,
     shape: SurfaceShape = "plane",
@@ -43,8 +43,9 @@ def surface_covariances(
 
     Parameters
     ----------
-    points : (n, 3) [m]
-        Thin them first: among the points of one scan line the surface is a line.
+    points : (n, 3) or PointTree [m]
+        Thin them first: among the points of one scan line the surface is a line. Of a tree, the
+        rows are those of its own points.
     neighbours : int
         Nearest points that are looked at, the point itself included; all where there are fewer.
     shape : str
@@ -67,17 +68,18 @@ def surface_covariances(
     require_positive("thinness", thinness, unit="m^2")
     require_fraction("thinness", thinness)
     variances, axes = _principal_axes(points, neighbours)
+    first, second = axes[:, :, _PACKED_ROWS], axes[:, :, _PACKED_COLUMNS]
     if shape == "plane":
-        variances = np.broadcast_to([thinness, 1.0, 1.0], variances.shape)
-    else:
-        largest = variances[:, 2:]
-        shares = np.divide(variances, largest, out=np.ones_like(variances), where=largest > 0.0)
-        variances = np.maximum(shares, thinness)
-    first, second = axes[:, :, list(_PACKED_ROWS)], axes[:, :, list(_PACKED_COLUMNS)]
-    return np.einsum("na,nap,nap->np", variances, first, second)
+        # With v v' + w w' = I - n n' of the normal n, its own axis is all that is needed.
+        return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * (
+            first[:, 0] * second[:, 0]
+        )
+    largest = variances[:, 2:]
+    shares = np.divide(variances, largest, out=np.ones_like(variances), where=largest > 0.0)
+    return np.einsum("na,nap,nap->np", np.maximum(shares, thinness), first, second)
 
 
-def surface_normals(points: Points, neighbours: int = 10) -> Points:
+def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
     """Return the (n, 3) unit normals of the surface around each point, towards the zero.
 
     Scans in their sensor's frame thus have normals that face the sensor. Where the neighbours
@@ -95,20 +97,21 @@ def surface_normals(points: Points, neighbours: int = 10) -> Points:
     """
     _, axes = _principal_axes(points, neighbours)
     normals = axes[:, 0]
-    away = np.einsum("na,na->n", normals, points) > 0.0
+    places = points.points if isinstance(points, PointTree) else points
+    away = np.einsum("na,na->n", normals, places) > 0.0
     return np.where(away[:, None], -normals, normals)
 
 
-def _principal_axes(points: Points, neighbours: int) -> tuple[Matrix, NDArray[np.float64]]:
+def _principal_axes(
+    points: Points | PointTree, neighbours: int
+) -> tuple[Matrix, NDArray[np.float64]]:
     """Return ascending variances (n, 3) of the neighbours, and their (n, 3, 3) axes by row."""
     require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
-    rows = _nearest(points, min(neighbours, len(points)))
-    covariances = neighbour_covariances(read_only(points), read_only(rows))
+    tree = points if isinstance(points, PointTree) else PointTree.from_points(points)
+    rows = tree.neighbours(min(neighbours, len(tree)))
+    covariances = neighbour_covariances(tree.points, read_only(rows))
     variances, axes = principal_axes(read_only(covariances))
+    if tree is not points:
+        places = np.argsort(tree.rows)
+        variances, axes = variances[places], axes[places]
     return variances, axes.reshape(-1, 3, 3)
-
-
-def _nearest(points: Points, neighbours: int) -> Labels:
-    tree = KDTree(points, balanced_tree=False, compact_nodes=False)
-    _, rows = tree.query(points, neighbours)
-    return np.asarray(rows, np.int64).reshape(len(points), neighbours)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from reference import surfaces as reference
+from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
 from scanlock.models.gaussians import unpacked
 from scanlock.models.surfaces import surface_covariances, surface_normals
@@ -98,6 +99,14 @@ def test_equal_points_have_a_finite_covariance(shape):
     assert (variances > 0.9e-3).all()
     assert (variances < 1.1).all()
     assert np.isfinite(surface_normals(np.full((30, 3), 2.5))).all()
+
+
+def test_a_tree_gives_the_surfaces_of_its_own_points():
+    points = _cloud(6)
+    tree = PointTree.from_points(points)
+    covariances, normals = surface_covariances(tree, 12), surface_normals(tree, 12)
+    np.testing.assert_array_equal(covariances, surface_covariances(points, 12)[tree.rows])
+    np.testing.assert_array_equal(normals, surface_normals(points, 12)[tree.rows])
 
 
 def test_points_are_left_as_they_were():
