@@ -68,12 +68,11 @@ def surface_covariances(
     require_positive("thinness", thinness, unit="m^2")
     require_fraction("thinness", thinness)
     variances, axes = _principal_axes(points, neighbours)
-    first, second = axes[:, :, _PACKED_ROWS], axes[:, :, _PACKED_COLUMNS]
     if shape == "plane":
-        # With v v' + w w' = I - n n' of the normal n, its own axis is all that is needed.
-        return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * (
-            first[:, 0] * second[:, 0]
-        )
+        # Two axes of variance 1 are the identity less the third.
+        across = axes[:, 0, _PACKED_ROWS] * axes[:, 0, _PACKED_COLUMNS]
+        return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * across
+    first, second = axes[:, :, _PACKED_ROWS], axes[:, :, _PACKED_COLUMNS]
     largest = variances[:, 2:]
     shares = np.divide(variances, largest, out=np.ones_like(variances), where=largest > 0.0)
     return np.einsum("na,nap,nap->np", np.maximum(shares, thinness), first, second)
