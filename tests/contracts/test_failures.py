@@ -1,0 +1,141 @@
+"""How every method ends where there is no right pose."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from contracts.traits import TRAITS, source, target
+from reference.samples import street, yaw_pose
+from scanlock.geometry.pose import Pose
+from scanlock.registration.methods import METHODS
+from scanlock.registration.register import register
+from scanlock.registration.result import Status
+
+pytestmark = pytest.mark.parametrize("method", METHODS)
+
+
+def _heaps(centres):
+    rng = np.random.default_rng(0)
+    return np.concatenate([c + rng.normal(0.0, 0.05, (30, 3)) for c in np.array(centres)])
+
+
+def _unlike_heaps():
+    """Three heaps a scan that meet when blurred, but not when sharp."""
+    target = [[-5.0, -10.0, 0.0], [9.0, -8.0, -1.0], [-3.0, -9.0, -1.0]]
+    source = [[2.0, -6.0, 1.0], [-9.0, 13.0, 0.0], [-12.0, 4.0, 1.0]]
+    return _heaps(source), _heaps(target)
+
+
+def _ground(seed):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-30, 30, (5000, 2)), rng.normal(-1.7, 0.02, 5000)])
+
+
+_FEATURELESS = {
+    "one point": np.ones((1, 3)),
+    "two points": np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
+    "equal points": np.full((500, 3), 2.5),
+    "bare ground": _ground(0),
+    "thin noise": np.random.default_rng(1).uniform(-20.0, 20.0, (3000, 3)),
+}
+
+
+def _corridor(seed, count=6000):
+    """What an endless corridor looks like from anywhere in it."""
+    rng = np.random.default_rng(seed)
+    along = rng.uniform(-40.0, 40.0, count)
+    side = rng.choice([-2.0, 2.0], count)
+    across, height = side.copy(), rng.uniform(0.0, 3.0, count)
+    floor = rng.random(count) < 1 / 3
+    across[floor], height[floor] = rng.uniform(-2.0, 2.0, floor.sum()), 0.0
+    points = np.column_stack([along, across, height - 1.5])
+    return points + rng.normal(0.0, 0.02, points.shape)
+
+
+def _line(seed):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-10.0, 10.0, 2000), np.full((2000, 2), [5.0, 1.0])])
+
+
+def _wall(seed):
+    rng = np.random.default_rng(seed)
+    return np.column_stack(
+        [rng.uniform(-10.0, 10.0, 3000), np.full(3000, 8.0), rng.uniform(-1.0, 3.0, 3000)]
+    )
+
+
+def test_scans_out_of_reach_return_the_initial_pose(method):
+    initial = yaw_pose(0.3, (500.0, 20.0, 0.0))
+    found = register(source(method), target(), method=method, initial=initial)
+    assert found.status is not Status.OK
+    if TRAITS[method].is_bounded:
+        assert found.status is Status.NO_SUPPORT
+        assert found.target_from_source == initial
+        assert found.overlap == 0.0
+
+
+def test_no_support_always_means_the_initial_pose(method):
+    found = register(*_unlike_heaps(), method=method)
+    assert not found.ok
+    assert (found.target_from_source == Pose.identity()) == (found.status is Status.NO_SUPPORT)
+
+
+@pytest.mark.parametrize("scan", _FEATURELESS)
+def test_scans_without_features_return_the_initial_pose(method, scan):
+    initial = yaw_pose(0.3, (1.0, 2.0, 0.0))
+    featureless = _FEATURELESS[scan]
+    if scan == "bare ground" and TRAITS[method].uses_ground:
+        # It holds the height, roll and pitch, and nothing else.
+        both = register(featureless, _ground(1), method=method, initial=initial)
+        assert both.status is not Status.OK
+        return
+    for scene, reference, role in (
+        (featureless, target(), "source"),
+        (source(method), featureless, "target"),
+        (featureless, featureless, "target"),
+    ):
+        found = register(scene, reference, method=method, initial=initial)
+        assert found.status is Status.NO_FEATURES
+        assert role in found.reason
+        assert found.target_from_source == initial
+        assert math.isnan(found.overlap)
+        assert math.isnan(found.score)
+        assert found.as_dict()["score"] is None
+        assert found.history == ()
+
+
+@pytest.mark.parametrize("layout", range(4))
+def test_scans_of_other_places_are_not_trusted(method, layout):
+    other = street(2, 4000, layout=100 + layout)
+    found = register(other, target(), method=method)
+    assert found.status in (Status.LOW_OVERLAP, Status.NOT_CONVERGED, Status.NO_SUPPORT)
+    assert np.isfinite(found.target_from_source.matrix).all()
+
+
+@pytest.mark.parametrize("scene", [_corridor, _line, _wall], ids=["corridor", "line", "wall"])
+def test_scenes_that_slide_along_themselves_are_not_trusted(method, scene):
+    # The scans are alike wherever they were taken: along the scene no pose can be known, so
+    # whatever is returned must not be called OK.
+    assert register(scene(1), scene(2), method=method).status is not Status.OK
+
+
+@pytest.mark.parametrize("name", ["corridor", "wall"])
+def test_the_direction_along_which_a_scene_slides_is_named(method, name):
+    scene = {"corridor": _corridor, "wall": _wall}[name]
+    turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
+    found = register(turned, turned, method=method)
+    assert found.status is Status.DEGENERATE
+    x, y, z = (float(part) for part in found.reason.split("(")[1].split(")")[0].split(","))
+    # A wall slides along itself any way; the floor of a corridor leaves but one.
+    assert abs(y * np.cos(0.5) - x * np.sin(0.5)) < 0.1
+    assert name == "wall" or abs(z) < 0.1
+
+
+def test_poses_are_finite_however_a_registration_ends(method):
+    scans = [*_FEATURELESS.values(), _line(1), _wall(1), *_unlike_heaps(), target()]
+    for scan in scans:
+        found = register(scan, _unlike_heaps()[1], method=method)
+        assert np.isfinite(found.target_from_source.matrix).all()
+        assert json.loads(found.to_json())["status"] == found.status.value

@@ -1,0 +1,99 @@
+"""Settings as values, and the one compiled form of every kernel."""
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import FrozenInstanceError, fields, replace
+from pathlib import Path
+
+import pytest
+
+from contracts.traits import METRES, RADIANS, result, source, target
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.registration.methods import DEFAULT_METHOD, METHODS
+from scanlock.registration.register import register
+
+pytestmark = pytest.mark.parametrize("method", METHODS)
+
+_TESTS = Path(__file__).resolve().parents[1]
+_PYTHONPATH = [path for path in [os.environ.get("PYTHONPATH")] if path]
+
+
+def test_settings_compare_by_value_and_cannot_be_changed(method):
+    settings = METHODS[method]
+    assert replace(settings) == settings
+    assert hash(replace(settings)) == hash(settings)
+    assert pickle.loads(pickle.dumps(settings)) == settings
+    for field in fields(settings):
+        with pytest.raises(FrozenInstanceError):
+            setattr(settings, field.name, None)
+    assert register(source(method), target(), method=replace(settings)).target_from_source == (
+        result(method).target_from_source
+    )
+
+
+def test_a_scan_prepared_once_serves_as_target_and_as_source(method):
+    settings = METHODS[method]
+    stays, moves = (
+        settings.prepare(PointCloud.from_array(scan)) for scan in (target(), source(method))
+    )
+    forth = settings.align(stays, moves, Pose.identity())
+    assert forth.pose == result(method).target_from_source
+    back = settings.align(moves, stays, Pose.identity())
+    assert (forth.pose @ back.pose).is_close(
+        Pose.identity(), translation=2 * METRES, rotation=2 * RADIANS
+    )
+
+
+def test_an_unknown_method_is_refused_with_the_names(method):
+    assert DEFAULT_METHOD in METHODS
+    with pytest.raises(InvalidInput, match=f"{method}.*, got 'icp-of-old'"):
+        register(source(method), target(), method="icp-of-old")
+
+
+_EVERY_LAYOUT = """
+import importlib, pkgutil, sys
+import numpy as np
+import scanlock, scanlock.kernels
+from reference.samples import street
+
+single, double = street(1, 3000).astype(np.float32), street(2, 3000)
+wide = np.column_stack([double, np.arange(3000.0)])
+frozen = double.copy()
+frozen.setflags(write=False)
+tilted = double @ np.array([[0.9, 0.0, -0.19**0.5], [0.0, 1.0, 0.0], [0.19**0.5, 0.0, 0.9]])
+bare = double[double[:, 2] > -1.0]
+layouts = [single, np.asfortranarray(double), wide[::2], frozen, double.tolist(), wide[:, 1:],
+           double.astype(">f8"), np.insert(double, 5, np.nan, axis=0), double + 1e6, tilted,
+           bare, (100 * double).astype(np.int32)]
+for layout in layouts:
+    scanlock.segment(layout)
+    scanlock.register(layout, double, method=sys.argv[1])
+    scanlock.register(double, layout, method=sys.argv[1])
+for info in pkgutil.iter_modules(scanlock.kernels.__path__):
+    module = importlib.import_module(f"scanlock.kernels.{info.name}")
+    for name, value in vars(module).items():
+        if hasattr(value, "signatures"):
+            print(f"{info.name}.{name}", len(value.signatures))
+"""
+
+
+def test_every_kernel_is_compiled_for_one_signature(method):
+    # In a process of its own: here, tests have called kernels with arrays of their own.
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", _EVERY_LAYOUT, method],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(_TESTS), *_PYTHONPATH])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr == ""
+    signatures = dict(line.split() for line in done.stdout.splitlines())
+    assert set(signatures.values()) <= {"0", "1"}
+    used = {"polar.polar_cells", "moments.labelled_moments", "meeting.meeting_gaussians"}
+    used |= {"grouping.occupied_cells", "grouping.split_by_extent", "terms.d2d_terms"}
+    used |= {"terms.p2d_terms", "tiles.tile_lists"} if "p2d" in method else set()
+    assert {signatures[name] for name in used} == {"1"}
