@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 MethodName = Literal["sgc-ndt-d2d", "sgc-ndt-p2d"]
+DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
 FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]
 SceneName = Literal["street", "forest"]
 SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from scanlock.cli.choices import Flag, MethodName, OutputFile
+from scanlock.cli.choices import DofName, Flag, MethodName, OutputFile
 from scanlock.cli.reading import LoadedScan, Reading
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ def register(
     *,
     method: MethodName = "sgc-ndt-d2d",
     initial: Path | None = None,
+    dof: DofName = "xyz+rpy",
     output: OutputFile = None,
     picture: Path | None = None,
     json: Flag = False,
@@ -39,6 +40,9 @@ def register(
         How to register.
     initial : Path
         Pose to start from (4x4 matrix in text, .json or .npy); no motion by default.
+    dof : str
+        What may change of the initial pose: everything, or less for levelled scanners
+        (xyz+yaw) and a flat world (xy+yaw).
     output : Path
         Where to write the pose: .txt or .npy (4x4 matrix), or .json (whole result).
     picture : Path
@@ -76,7 +80,11 @@ def register(
     read_time = time.perf_counter() - begin
     with compile_watch() as watch:
         result = registered(
-            source=source.returns, target=target.returns, method=method, initial=start
+            source=source.returns,
+            target=target.returns,
+            method=method,
+            initial=start,
+            dof=dof,
         )
     content = _content(result, target, source, read_time, verbose)
     if output is not None:

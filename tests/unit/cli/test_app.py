@@ -94,10 +94,12 @@ def test_a_typo_is_one_line_on_stderr_with_what_to_do(scanlock, arguments, parts
 
 def test_names_offered_are_the_names_there_are():
     from scanlock.io import FORMATS
+    from scanlock.objectives.restraint import DegreesOfFreedom
     from scanlock.registration.methods import DEFAULT_METHOD, METHODS
     from scanlock.simulation import SCENES, SENSORS
 
     assert get_args(choices.MethodName) == tuple(METHODS)
+    assert get_args(choices.DofName) == get_args(DegreesOfFreedom)
     assert get_args(choices.FormatName) == tuple(FORMATS)
     assert get_args(choices.SceneName) == tuple(SCENES)
     assert [name.replace("-", "_") for name in get_args(choices.SensorName)] == list(SENSORS)

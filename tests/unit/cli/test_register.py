@@ -71,6 +71,13 @@ def test_a_pose_that_was_written_is_a_pose_to_start_from(scanlock, scans, pair, 
     assert radians < 1e-4
 
 
+def test_a_flat_world_keeps_height_and_tilt(scanlock, pair):
+    done = scanlock("register", *pair, "--dof", "xy+yaw", "--json")
+    matrix = np.array(json.loads(done.out)["target_from_source"])
+    np.testing.assert_allclose(matrix[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)
+    assert np.abs(matrix[:2, 3]).max() > 0.01
+
+
 def test_a_registration_that_failed_still_prints_and_exits_with_2(scanlock, scans, tmp_path):
     path = tmp_path / "pose.json"
     done = scanlock("register", scans / "reference.npy", scans / "elsewhere.npy", "-o", path)
