@@ -5,6 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from scanlock.clouds.neighbours import closest_points
+from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun, fit_horn, fit_yaw
 
@@ -67,3 +69,27 @@ def test_a_turn_about_z_turns_the_yaw_fit(pairs, angle):
         moved = fit_yaw(turn.apply(target), source, weights)
         expected = turn @ fit_yaw(target, source, weights)
         assert moved.is_close(expected, translation=1e-7, rotation=1e-8)
+
+
+@given(
+    arrays(np.float64, st.tuples(st.integers(1, 60), st.just(3)), elements=_coordinates),
+    arrays(np.float64, (20, 3), elements=st.floats(-200.0, 200.0)),
+)
+def test_tree_and_tessellation_find_the_same_distances(points, queries):
+    tree = PointTree.from_points(points)
+    _, by_tree = tree.nearest(queries)
+    _, by_edges = closest_points(tree, "delaunay").nearest(queries)
+    np.testing.assert_allclose(by_edges, by_tree, rtol=1e-12, atol=1e-12)
+
+
+@given(st.integers(0, 10**6), st.integers(5, 200), st.sampled_from([1.0, 0.5, 0.1]))
+def test_they_find_the_same_distances_where_points_repeat_a_lattice(seed, count, width):
+    rng = np.random.default_rng(seed)
+    points = width * rng.integers(0, 6, (count, 3))
+    tree = PointTree.from_points(points)
+    queries = width * np.concatenate(
+        [rng.uniform(-3.0, 9.0, (50, 3)), 0.5 * rng.integers(-2, 14, (50, 3))]
+    )
+    _, by_tree = tree.nearest(queries)
+    _, by_edges = closest_points(tree, "delaunay").nearest(queries)
+    np.testing.assert_allclose(by_edges, by_tree, rtol=1e-12, atol=1e-12)
