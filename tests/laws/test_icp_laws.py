@@ -25,7 +25,8 @@ def _weighted_pairs(draw):
 
 def _hold(moments):
     """Margin by which the best rotation beats the second best, of 1."""
-    _, sizes, _, sign = moments.decomposed()
+    u, sizes, vt = np.linalg.svd(moments.spread)
+    sign = np.sign(np.linalg.det(u @ vt))
     return (sizes[1] + sign * sizes[2]) / sizes[0] if sizes[0] > 0.0 else 0.0
 
 

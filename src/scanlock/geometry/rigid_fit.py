@@ -53,7 +53,7 @@ class PairMoments:
     @property
     def holds_rotation(self) -> bool:
         """Whether one rotation fits better than all others: the pairs do not lie on a line."""
-        _, sizes, _, sign = self.decomposed()
+        _, sizes, _, sign = self._decomposed()
         # With a mirrored third axis the second and third may cancel: two rotations then tie.
         return bool(sizes[1] + sign * sizes[2] > _LEAST_HOLD * sizes[0])
 
@@ -63,24 +63,48 @@ class PairMoments:
         along, across = self._yaw_parts()
         return bool(np.hypot(along, across) > _LEAST_HOLD * np.abs(self.spread).max())
 
-    def decomposed(self) -> tuple[Matrix, Vector, Matrix, float]:
-        """Return U, the singular values and V' of the spread, and the sign of det(V U')."""
+    def by_singular_values(self) -> Pose:
+        """Return the pose of `fit_arun`; one of several where the pairs hold no rotation."""
+        u, _, vt, sign = self._decomposed()
+        return self._centred(vt.T @ np.diag([1.0, 1.0, sign]) @ u.T)
+
+    def by_quaternion(self) -> Pose:
+        """Return the pose of `fit_horn`; one of several where the pairs hold no rotation."""
+        spread, trace = self.spread, np.trace(self.spread)
+        form = np.empty((4, 4))
+        form[0, 0] = trace
+        form[0, 1:] = form[1:, 0] = [
+            spread[1, 2] - spread[2, 1], spread[2, 0] - spread[0, 2], spread[0, 1] - spread[1, 0],
+        ]  # fmt: skip
+        form[1:, 1:] = spread + spread.T - trace * np.eye(3)
+        w, x, y, z = np.linalg.eigh(form)[1][:, -1]
+        # fmt: off
+        rotation = np.array([
+            [1 - 2 * (y * y + z * z),     2 * (x * y - w * z),     2 * (x * z + w * y)],
+            [    2 * (x * y + w * z), 1 - 2 * (x * x + z * z),     2 * (y * z - w * x)],
+            [    2 * (x * z - w * y),     2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ])
+        # fmt: on
+        return self._centred(rotation)
+
+    def about_z(self, translation: Literal["xyz", "xy"] = "xyz") -> Pose:
+        """Return the pose of `fit_yaw`; one of several where the pairs hold no yaw."""
+        along, across = self._yaw_parts()
+        turn = exp_rotation(np.array([0.0, 0.0, np.arctan2(across, along)]))
+        pose = self._centred(turn)
+        return pose if translation == "xyz" else Pose(turn, pose.translation * [1.0, 1.0, 0.0])
+
+    def _decomposed(self) -> tuple[Matrix, Vector, Matrix, float]:
         u, sizes, vt = np.linalg.svd(self.spread)
         return u, sizes, vt, float(np.sign(np.linalg.det(u @ vt)))
-
-    def yaw(self) -> float:
-        """Return the turn about z [rad] that fits best."""
-        along, across = self._yaw_parts()
-        return float(np.arctan2(across, along))
-
-    def pose(self, rotation: Matrix) -> Pose:
-        """Return the pose with this rotation that carries centre onto centre."""
-        return Pose(rotation, self.target_centre - rotation @ self.source_centre)
 
     def _yaw_parts(self) -> tuple[float, float]:
         along = self.spread[0, 0] + self.spread[1, 1]
         across = self.spread[0, 1] - self.spread[1, 0]
         return float(along), float(across)
+
+    def _centred(self, rotation: Matrix) -> Pose:
+        return Pose(rotation, self.target_centre - rotation @ self.source_centre)
 
 
 def fit_arun(target: Points, source: Points, weights: Vector | None = None) -> Pose:
@@ -104,9 +128,7 @@ def fit_arun(target: Points, source: Points, weights: Vector | None = None) -> P
     Singular values, Arun et al. 1987, with the sign of the determinant put right so that a
     mirror image is never returned.
     """
-    moments = _held(PairMoments.of(target, source, weights))
-    u, _, vt, sign = moments.decomposed()
-    return moments.pose(vt.T @ np.diag([1.0, 1.0, sign]) @ u.T)
+    return _held(PairMoments.of(target, source, weights)).by_singular_values()
 
 
 def fit_horn(target: Points, source: Points, weights: Vector | None = None) -> Pose:
@@ -115,23 +137,7 @@ def fit_horn(target: Points, source: Points, weights: Vector | None = None) -> P
     The rotation is the eigenvector of the largest eigenvalue of a 4x4 matrix; it is never a
     mirror image. Parameters and errors are those of `fit_arun`.
     """
-    moments = _held(PairMoments.of(target, source, weights))
-    spread = moments.spread
-    trace = np.trace(spread)
-    turn = [spread[1, 2] - spread[2, 1], spread[2, 0] - spread[0, 2], spread[0, 1] - spread[1, 0]]
-    form = np.empty((4, 4))
-    form[0, 0] = trace
-    form[0, 1:] = form[1:, 0] = turn
-    form[1:, 1:] = spread + spread.T - trace * np.eye(3)
-    w, x, y, z = np.linalg.eigh(form)[1][:, -1]
-    # fmt: off
-    rotation = np.array([
-        [1 - 2 * (y * y + z * z),     2 * (x * y - w * z),     2 * (x * z + w * y)],
-        [    2 * (x * y + w * z), 1 - 2 * (x * x + z * z),     2 * (y * z - w * x)],
-        [    2 * (x * z - w * y),     2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
-    # fmt: on
-    return moments.pose(rotation)
+    return _held(PairMoments.of(target, source, weights)).by_quaternion()
 
 
 def fit_yaw(
@@ -152,10 +158,7 @@ def fit_yaw(
             f"the {len(target)} pairs leave the turn about z undetermined; pairs are needed that "
             "lie apart across z"
         )
-    fitted = moments.pose(exp_rotation(np.array([0.0, 0.0, moments.yaw()])))
-    if translation == "xyz":
-        return fitted
-    return Pose(fitted.rotation, fitted.translation * [1.0, 1.0, 0.0])
+    return moments.about_z(translation)
 
 
 def _shares(weights: Vector | None, count: int) -> Vector:
