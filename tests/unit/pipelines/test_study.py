@@ -1,0 +1,150 @@
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from reference.samples import street, yaw_pose
+from scanlock import METHODS, InvalidInput, Pose, SgcNdt, Status
+from scanlock.pipelines import study as module
+from scanlock.pipelines.starts import AroundTruth
+from scanlock.pipelines.study import FAILED, Study, StudyPair, StudyTask
+
+STEP = yaw_pose(0.1, (1.0, 0.4, 0.0))
+NAMES = ("a", "b", "c")
+METHOD = METHODS["sgc-ndt-d2d"]
+
+
+@pytest.fixture(scope="module")
+def scans():
+    """Three looks at one street, each a step further."""
+    moved = Pose.identity()
+    found = {}
+    for seed, name in enumerate(NAMES, start=1):
+        found[name] = moved.inverse().apply(street(seed))
+        moved = moved @ STEP
+    return found
+
+
+def _pairs(truth=STEP):
+    return [StudyPair(target=a, source=b, truth=truth) for a, b in pairwise(NAMES)]
+
+
+def _study(scans, **changes):
+    defaults = {"methods": {"d2d": METHOD}, "pairs": _pairs(), "load": scans.__getitem__}
+    return Study(**(defaults | changes))
+
+
+def test_records_come_in_the_order_of_the_tasks_with_errors_to_the_truth(scans):
+    study = _study(scans, methods={"d2d": METHOD, "p2d": METHODS["sgc-ndt-p2d"]})
+    tasks = list(study.tasks())
+    assert tasks[1] == StudyTask("a b", "p2d", "identity")
+    records = list(study.records())
+    assert len(study) == len(records) == 4
+    assert [record.task for record in records] == tasks
+    for record in records:
+        assert record.ok
+        assert record.is_solved(0.1, 0.01)
+        metres, radians = record.pose.distance(STEP)
+        assert record.translation_error == pytest.approx(metres, abs=1e-9)
+        assert record.rotation_error == pytest.approx(radians, abs=1e-9)
+        assert record.evaluations > 1
+        assert record.seconds > 0.0
+        assert math.isnan(record.mean_distance)
+
+
+def test_a_record_is_handed_out_before_the_next_pair_is_loaded(scans):
+    loaded = []
+
+    def load(name):
+        loaded.append(name)
+        return scans[name]
+
+    records = _study(scans, load=load).records()
+    assert loaded == []
+    next(records)
+    assert loaded == ["a", "b"]
+    assert len(list(records)) == 1
+    # The scan that both pairs share was kept.
+    assert loaded == ["a", "b", "c"]
+
+
+def test_known_records_are_handed_out_again_without_loading_a_scan(scans):
+    study = _study(scans)
+    first, second = study.records()
+
+    def refuse(name):
+        raise AssertionError(name)
+
+    known = {first.task: first, second.task: second}
+    assert list(replace(study, load=refuse).records(known)) == [first, second]
+    again = list(study.records({first.task: replace(first, reason="known")}))
+    assert again == [replace(first, reason="known"), second]
+
+
+def test_starts_about_the_truth_are_on_record(scans):
+    plan = AroundTruth(distances=(1.0,), angles=(0.0, 0.2))
+    study = _study(scans, pairs=_pairs()[:1], starts=plan)
+    records = list(study.records())
+    assert [record.task.start for record in records] == list(plan.names)
+    for record in records:
+        level = plan.levels[record.task.start]
+        assert record.start.distance(STEP) == pytest.approx(level, abs=1e-7)
+        assert record.is_solved(0.1, 0.01)
+
+
+def test_without_a_truth_there_are_no_errors_and_nothing_is_solved(scans):
+    record = next(_study(scans, pairs=_pairs(truth=None)).records())
+    assert record.ok
+    assert math.isnan(record.translation_error)
+    assert not record.is_solved(10.0, 3.0)
+
+
+def test_a_broken_scan_fails_its_pairs_and_no_others(scans):
+    def load(name):
+        return np.full((10, 3), np.nan) if name == "c" else scans[name]
+
+    good, bad = _study(scans, load=load).records()
+    assert good.ok
+    assert (bad.status, bad.pose, bad.start) == (FAILED, None, None)
+    assert "scan c holds no finite point" in bad.reason
+
+
+def test_an_empty_place_is_bad_luck_and_not_a_failure(scans):
+    flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
+    record = next(_study(scans, load=lambda _: flat).records())
+    assert record.status == Status.NO_FEATURES.value
+    assert record.pose == Pose.identity()
+    assert math.isnan(record.overlap)
+
+
+def test_errors_that_are_not_of_the_input_are_not_swallowed(scans, monkeypatch):
+    def broken(*_, **__):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(module, "register", broken)
+    with pytest.raises(ZeroDivisionError):
+        next(_study(scans).records())
+
+
+def test_map_coordinates_are_told_apart_in_the_middle_of_the_source(scans):
+    far = np.array([4e5, 5e6, 100.0])
+    shift = Pose(np.eye(3), far)
+    pair = StudyPair(target="a", source="b", truth=shift @ STEP @ shift.inverse())
+    plan = AroundTruth(distances=(1.0,), angles=(0.1,))
+    study = _study({name: scan + far for name, scan in scans.items()}, pairs=[pair], starts=plan)
+    [record] = study.records()
+    assert record.is_solved(0.1, 0.01)
+
+
+@pytest.mark.parametrize("changes", [{"methods": {}}, {"pairs": []}, {"pairs": _pairs()[:1] * 2}])
+def test_names_must_tell_things_apart(scans, changes):
+    with pytest.raises(InvalidInput, match="must have a name each"):
+        _study(scans, **changes)
+
+
+def test_settings_of_ones_own_are_methods_too(scans):
+    study = _study(scans, methods={"mine": SgcNdt(spacing=1.0)}, pairs=_pairs()[:1])
+    [record] = study.records()
+    assert record.task.method == "mine"
