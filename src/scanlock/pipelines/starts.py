@@ -28,6 +28,11 @@ class StartPlan(Protocol):
         """What the starts of any pair are called, in their order."""
         ...
 
+    @property
+    def rule(self) -> str:
+        """What decides a start besides its name and its pair, in a few words."""
+        ...
+
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
         """Return the start of this name for a pair, target from source.
 
@@ -53,6 +58,11 @@ class FromIdentity:
     def names(self) -> tuple[str, ...]:
         """The only start."""
         return ("identity",)
+
+    @property
+    def rule(self) -> str:
+        """Nothing more is to be known."""
+        return "identity"
 
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
         """Return the identity."""
@@ -99,6 +109,11 @@ class AroundTruth:
     def names(self) -> tuple[str, ...]:
         """One for every distance, angle and repeat."""
         return tuple(self.levels)
+
+    @property
+    def rule(self) -> str:
+        """What decides a start besides its name and its pair."""
+        return f"{self.axis}, seed {self.seed}"
 
     @property
     def levels(self) -> Mapping[str, tuple[float, float]]:
