@@ -13,6 +13,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
+from scanlock.solvers.solver import Solver
 from scanlock.solvers.stopping import StopReason
 
 
@@ -63,7 +64,7 @@ class CoarseToFine:
     scales: tuple[Scale, ...] = DEFAULT_SCALES
     """Coarsest first."""
 
-    solver: Newton = field(default_factory=Newton)
+    solver: Solver = field(default_factory=Newton)
     """Minimises at each scale."""
 
     loose_step: float = 0.01
@@ -108,7 +109,7 @@ class CoarseToFine:
             history.extend(solution.history)
         return replace(solution, history=tuple(history))
 
-    def _solver_at(self, scale: Scale) -> Newton:
+    def _solver_at(self, scale: Scale) -> Solver:
         stopping = self.solver.stopping
         step = max(stopping.step, self.loose_step * scale.blur)
         return replace(self.solver, stopping=replace(stopping, step=step))
