@@ -31,7 +31,7 @@ def read_scan(
     format : str, optional
         A key of `FORMATS`. By default the ending of the name and the content decide, and must
         agree.
-    columns : int or names, optional
+    columns : int or sequence of str, optional
         How many columns a headerless file has (``3``), or what they are called (``"x y z
         label"``). Guessed from the values by default; the guess stands in ``notes``.
 
@@ -71,7 +71,7 @@ def write_scan(
     points : (n, 3) [m]
         float32 is stored as float32, anything else as float64 where the format allows. Pass
         ``scan.points.astype(scan.coordinate_dtype)`` to store what was read as it was.
-    fields : mapping of names to (n,) or (n, k), optional
+    fields : mapping of str to (n,) or (n, k), optional
         Further columns.
     format : str, optional
         A key of `FORMATS`; by default the ending of the name decides.
