@@ -12,8 +12,9 @@ from cyclopts import Parameter
 MethodName = Literal["sgc-ndt-d2d", "sgc-ndt-p2d"]
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
 FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]
-SceneName = Literal["street", "forest"]
+SceneName = Literal["street", "forest", "rugged"]
 SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]
+ScannerName = Literal[SensorName, "facet-ladar"]
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
 """An option that is off unless it is given."""

@@ -7,19 +7,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from scanlock.cli.choices import FormatName, SceneName, SensorName
+from scanlock.cli.choices import FormatName, ScannerName, SceneName
 from scanlock.errors import InvalidInput, require_count
 
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
     from scanlock.io.scan_file import Field
-    from scanlock.simulation import SimulatedScan, SimulatedSequence
+    from scanlock.simulation import LadarSequence, SimulatedScan, SimulatedSequence
 
 MotionName = Literal["removed", "kept"]
 
 _CONVENTIONS = {
-    "scans": "points in the frame of the sensor [m]: x ahead, y left, z up",
-    "poses": "world_from_sensor in the middle of each sweep; one line a scan",
+    "scans": "points in the frame of the sensor [m]: x ahead, y left, z up; those of facet-ladar "
+    "in the frame of its vehicle",
+    "poses": "world_from_sensor in the middle of each sweep; of facet-ladar, world_from_vehicle; "
+    "one line a scan",
     "poses_kitti.txt": "rows of the 3x4 matrix",
     "poses_tum.txt": "t x y z qx qy qz qw, seconds and metres",
     "labels": "one class for each point of the scan with the same number",
@@ -31,7 +33,7 @@ def simulate(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    sensor: SensorName = "hdl-64e",
+    sensor: ScannerName = "hdl-64e",
     scans: int = 10,
     every: int = 1,
     seed: int = 1,
@@ -43,15 +45,15 @@ def simulate(
     Parameters
     ----------
     scene : str
-        The place: a residential street by car, or a sparse forest by a slow robot.
+        The place: a street by car, a forest by a slow robot, or rugged terrain off the road.
     output : Path
         Folder for the scans; it must not hold any yet.
     sensor : str
-        The lidar.
+        The lidar: one that spins, or the facet ladar that looks ahead of its vehicle.
     scans : int
         How many scans to make.
     every : int
-        Keep every k-th sweep of the drive; the sensor turns ten times a second.
+        Keep every k-th sweep of the drive; there are ten a second.
     seed : int
         Decides the scene, the drive and the noise; any whole number from 0.
     format : str
@@ -90,21 +92,29 @@ def simulate(
     print_line(f"wrote {scans} scans ({folder.points:,} points) with labels and poses to {output}")
 
 
-def _sequence(scene: str, sensor: str, count: int, seed: int) -> "SimulatedSequence":
+def _sequence(
+    scene: str, sensor: str, count: int, seed: int
+) -> "SimulatedSequence | LadarSequence":
     import numpy as np
 
     from scanlock.simulation import (
         SCENES,
         SENSORS,
+        FacetLadar,
+        LadarSequence,
+        PanTiltMount,
         SimulatedSequence,
         forest_walk,
+        rugged_drive,
         street_drive,
     )
 
-    drives = {"street": street_drive, "forest": forest_walk}
+    drives = {"street": street_drive, "forest": forest_walk, "rugged": rugged_drive}
     building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     place = SCENES[scene](building)
     drive = drives[scene](place, driving, count=count)
+    if sensor == "facet-ladar":
+        return LadarSequence(place.world, FacetLadar(), PanTiltMount(), drive, seed)
     return SimulatedSequence(place.world, SENSORS[sensor.replace("-", "_")](), drive, seed)
 
 

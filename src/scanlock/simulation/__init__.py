@@ -3,14 +3,20 @@
 ``scan_pair("street", "hdl_64e", seed=1)`` gives two scans and the exact pose between them;
 ``SimulatedSequence(scene.world, hdl_64e(), street_drive(scene, rng), seed=1)`` a whole drive.
 A world of one's own is made of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
-`HeightField`, and seen by `simulate_scan`. The same seed gives the same bytes.
+`HeightField`, and seen by `simulate_scan`. ``ladar_run(seed=1)`` gives the range images of a
+ladar on a pan/tilt platform of an off-road vehicle. The same seed gives the same bytes.
 """
 
 from scanlock.simulation.drive import CAR, ROBOT, Carrier, Drive, drive_along
+from scanlock.simulation.facet_ladar import FacetLadar, points_from_ranges, ranges_from_points
 from scanlock.simulation.forests import forest, forest_walk
 from scanlock.simulation.height_field import HeightField
+from scanlock.simulation.ladar_scan import LadarScan, simulate_frame
+from scanlock.simulation.ladar_sequence import AHEAD_AND_DOWN, LadarSequence, ladar_run
 from scanlock.simulation.motion import carried, screw, twist_between
+from scanlock.simulation.mount import PanTiltMount, TiltSweep
 from scanlock.simulation.mover import Mover
+from scanlock.simulation.rugged import XUV, rugged, rugged_drive
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scene import Scene
 from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
@@ -23,14 +29,20 @@ from scanlock.simulation.track import Track
 from scanlock.simulation.world import RayHits, World
 
 __all__ = [
+    "AHEAD_AND_DOWN",
     "CAR",
     "ROBOT",
     "SCENES",
     "SENSORS",
+    "XUV",
     "Carrier",
     "Drive",
+    "FacetLadar",
     "HeightField",
+    "LadarScan",
+    "LadarSequence",
     "Mover",
+    "PanTiltMount",
     "RayHits",
     "Scene",
     "Sensor",
@@ -39,6 +51,7 @@ __all__ = [
     "SimulatedSequence",
     "SurfaceClass",
     "Surfaces",
+    "TiltSweep",
     "Track",
     "World",
     "boxes",
@@ -51,9 +64,15 @@ __all__ = [
     "forest_walk",
     "hdl_32e",
     "hdl_64e",
+    "ladar_run",
     "os1_64",
+    "points_from_ranges",
+    "ranges_from_points",
+    "rugged",
+    "rugged_drive",
     "scan_pair",
     "screw",
+    "simulate_frame",
     "simulate_scan",
     "street",
     "street_drive",

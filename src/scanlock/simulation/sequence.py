@@ -10,6 +10,7 @@ from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.drive import Drive
 from scanlock.simulation.forests import forest
+from scanlock.simulation.rugged import rugged
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scene import Scene
 from scanlock.simulation.sensors import SENSORS, Sensor
@@ -18,7 +19,7 @@ from scanlock.simulation.world import World
 
 _Maker = TypeVar("_Maker")
 
-SCENES = {"street": street, "forest": forest}
+SCENES = {"street": street, "forest": forest, "rugged": rugged}
 """Every scene by name; each is drawn by a generator."""
 
 
@@ -99,7 +100,7 @@ def scan_pair(
     Parameters
     ----------
     scene : str or Scene
-        "street" or "forest", drawn anew from the seed; or a scene made before.
+        "street", "forest" or "rugged", drawn anew from the seed; or a scene made before.
     sensor : str or Sensor
         "hdl_64e", "hdl_32e" or "os1_64", or a sensor of your own.
     seed : int

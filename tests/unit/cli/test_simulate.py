@@ -63,6 +63,27 @@ def test_poses_carry_the_scans_onto_each_other(drive):
     assert np.median(wrong) > 2.0 * np.median(distances)
 
 
+def test_a_facet_ladar_gives_the_points_of_its_vehicle(scanlock, tmp_path):
+    folder = tmp_path / "run"
+    options = ["--sensor", "facet-ladar", "--scans", "2", "--format", "ply"]
+    assert scanlock("simulate", "rugged", "-o", folder, *options).code == 0
+    times, poses = read_tum_poses(folder / "poses_tum.txt")
+    assert times[1] - times[0] == pytest.approx(0.1)
+    metres, _ = poses[0].distance(poses[1])
+    assert metres == pytest.approx(0.56, rel=0.3)
+    for number in range(2):
+        scan = read_scan(folder / "scans" / f"{number:06d}.ply")
+        labels = read_labels(folder / "labels" / f"{number:06d}.npy", count=len(scan))
+        assert 3000 < len(scan) < 5760
+        assert (labels == SurfaceClass.GROUND).mean() > 0.2
+        # It looks ahead of the vehicle only, whose frame is 1.5 m above the ground.
+        assert scan.points[:, 0].min() > 1.0
+        assert scan.fields["ring"].max() < 32
+        ground = scan.points[labels == SurfaceClass.GROUND]
+        nearest = ground[np.argsort(ground[:, 0])[:100]]
+        assert np.median(nearest[:, 2]) == pytest.approx(-1.5, abs=0.8)
+
+
 def test_settings_tell_how_to_make_and_read_them(drive):
     content = json.loads((drive / "settings.json").read_text())
     assert content["settings"] == {
