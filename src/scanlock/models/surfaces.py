@@ -29,6 +29,15 @@ _PACKED_ROWS = [0, 0, 0, 1, 1, 2]
 _PACKED_COLUMNS = [0, 1, 2, 1, 2, 2]
 
 
+def require_surface(neighbours: int, shape: SurfaceShape, thinness: float) -> None:
+    """Raise `InvalidInput` unless `surface_covariances` can take these settings."""
+    require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
+    if shape not in ("plane", "ellipsoid"):
+        raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
+    require_positive("thinness", thinness, unit="m^2")
+    require_fraction("thinness", thinness)
+
+
 def surface_covariances(
     points: Points | PointTree,
     neighbours: int = 10,
@@ -63,10 +72,7 @@ def surface_covariances(
     Segal, Haehnel and Thrun (2009) use the plane with a thinness of 1e-3 and 20 neighbours,
     small_gicp the same with 10.
     """
-    if shape not in ("plane", "ellipsoid"):
-        raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
-    require_positive("thinness", thinness, unit="m^2")
-    require_fraction("thinness", thinness)
+    require_surface(neighbours, shape, thinness)
     variances, axes = _principal_axes(points, neighbours)
     if shape == "plane":
         # Two axes of variance 1 are the identity less the third.

@@ -1,0 +1,93 @@
+"""The cost of generalised ICP: pairs of points with covariances (Segal et al. 2009, eq. 2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Labels, Matrix, frozen, read_only
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.pairs import pair_precisions, pair_terms
+from scanlock.models.surface_points import SurfacePoints
+from scanlock.objectives.quadratic import Curvature, Quadratic
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DistributionPairs:
+    """Who met whom at one pose, held while the pose changes. Build with `at`.
+
+    The value is the mean over the pairs of half the squared Mahalanobis distance, ``d' B d / 2``
+    with ``d`` from the target point to the source point and ``B = (C_t + R C_s R')^-1``. Half,
+    because minus the logarithm of a Gaussian is, and a prior is weighed against it.
+
+    ``B`` keeps the rotation of the pose where the pairs met, as in Segal et al. and the code
+    after them. Turned along with the pose it would draw the scans askew: surfaces at an angle
+    have the larger sum of covariances, and so the smaller distance.
+
+    Attributes
+    ----------
+    target, source : SurfacePoints
+    target_rows, source_rows : (m,)
+        Pair k is of these rows.
+    precisions : (m, 6) [1/m^2]
+        ``B`` of each pair, packed.
+    curvature : str
+        Whether the Hessian is exact or its convex part.
+    """
+
+    target: SurfacePoints
+    source: SurfacePoints
+    target_rows: Labels
+    source_rows: Labels
+    precisions: Matrix
+    curvature: Curvature
+
+    def __post_init__(self) -> None:
+        for array in (self.target_rows, self.source_rows, self.precisions):
+            frozen(array)
+
+    @classmethod
+    def at(
+        cls,
+        pose: Pose,
+        target: SurfacePoints,
+        source: SurfacePoints,
+        partners: Labels,
+        curvature: Curvature = "exact",
+    ) -> "DistributionPairs":
+        """Return the pairs that meet at a pose.
+
+        Parameters
+        ----------
+        pose : Pose
+            Target from source.
+        target, source : SurfacePoints
+        partners : (n,)
+            For each point of the source the row of the target's point it met; -1 for none.
+        curvature : str
+            Which Hessian to give.
+        """
+        source_rows = read_only(np.flatnonzero(partners >= 0).astype(np.int64, copy=False))
+        target_rows = read_only(partners[source_rows])
+        precisions = pair_precisions(
+            target.covariances, source.covariances, target_rows, source_rows, pose.rotation
+        )
+        return cls(target, source, target_rows, source_rows, precisions, curvature)
+
+    @property
+    def count(self) -> int:
+        """How many pairs there are."""
+        return len(self.target_rows)
+
+    def linearise(self, pose: Pose) -> Quadratic:
+        """Return value, gradient and Hessian at `pose`; there must be a pair."""
+        terms = pair_terms(
+            self.target.points,
+            self.source.points,
+            self.precisions,
+            self.target_rows,
+            self.source_rows,
+            pose.rotation,
+            pose.translation,
+            float(self.curvature == "exact"),
+        )
+        return Quadratic.from_terms(terms / self.count)

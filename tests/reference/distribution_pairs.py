@@ -1,0 +1,42 @@
+"""The cost of generalised ICP pair by pair: Segal, Haehnel and Thrun 2009, equation 2."""
+
+import numpy as np
+
+
+def hat(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def precision(target_covariance, source_covariance, rotation):
+    """Inverse of the covariance of ``b - T a``, whichever pose T is held at."""
+    return np.linalg.inv(target_covariance + rotation @ source_covariance @ rotation.T)
+
+
+def value(pose, held_at, pairs):
+    """Mean of half the squared distance of ``(mu, C_t, x, C_s)``, precisions held at a pose."""
+    total = 0.0
+    for mu, target_covariance, x, source_covariance in pairs:
+        d = pose.rotation @ x + pose.translation - mu
+        total += 0.5 * d @ precision(target_covariance, source_covariance, held_at.rotation) @ d
+    return total / len(pairs)
+
+
+def gauss_newton(pose, held_at, pairs):
+    """Mean of ``J' B J`` with the Jacobian ``[I, -hat(y)]`` of a left step."""
+    total = np.zeros((6, 6))
+    for _, target_covariance, x, source_covariance in pairs:
+        jacobian = np.hstack([np.eye(3), -hat(pose.rotation @ x + pose.translation)])
+        B = precision(target_covariance, source_covariance, held_at.rotation)
+        total += jacobian.T @ B @ jacobian
+    return total / len(pairs)
+
+
+def voxels(points, covariances, width):
+    """Mean and mean covariance of the points in each voxel, by its place."""
+    members = {}
+    for point, covariance in zip(points, covariances, strict=True):
+        members.setdefault(tuple(np.floor(point / width)), []).append((point, covariance))
+    return {
+        place: tuple(np.mean(column, axis=0) for column in zip(*inside, strict=True))
+        for place, inside in members.items()
+    }
