@@ -69,6 +69,27 @@ Examples:
 
 {_READING}""",
     ),
+    "evaluate": Command(
+        path="scanlock.cli.evaluate:evaluate",
+        help="Compare a trajectory with the true one.",
+        epilogue="""\
+Examples:
+  scanlock evaluate trajectory_tum.txt truth_tum.txt
+  scanlock evaluate poses.txt 07.txt --align all --json
+""",
+    ),
+    "crispness": Command(
+        path="scanlock.cli.crispness:crispness",
+        help="Count the voxels that a map fills: the fewer, the crisper.",
+        epilogue=f"""\
+Examples:
+  scanlock crispness map.ply
+  scanlock crispness icp.ply ndt.ply --width 0.2
+
+Maps of the same scans can be compared, no others.
+
+{_READING}""",
+    ),
     "simulate": Command(
         path="scanlock.cli.simulate:simulate",
         help="Make scans with exact poses and labels.",

@@ -1,0 +1,67 @@
+import json
+
+import numpy as np
+import pytest
+
+from reference.samples import yaw_pose
+from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
+
+_TRUTH = [yaw_pose(0.0, (1.0 * k, 0.0, 0.0)) for k in range(150)]
+_DRIFT = [yaw_pose(0.001 * k, (1.01 * k, 0.0, 0.0)) for k in range(150)]
+
+
+@pytest.fixture
+def tracks(tmp_path):
+    write_kitti_poses(tmp_path / "truth.txt", _TRUTH)
+    write_kitti_poses(tmp_path / "drift.txt", _DRIFT)
+    write_tum_poses(tmp_path / "truth_tum.txt", 0.1 * np.arange(150), _TRUTH)
+    write_tum_poses(tmp_path / "drift_tum.txt", 0.1 * np.arange(150)[::2] + 0.01, _DRIFT[::2])
+    return tmp_path
+
+
+def test_the_errors_of_a_drifting_drive(scanlock, tracks):
+    done = scanlock("evaluate", tracks / "drift.txt", tracks / "truth.txt", "--json")
+    found = json.loads(done.out)
+    assert found["poses"] == 150
+    np.testing.assert_allclose(found["absolute"]["translation_m"]["largest"], 1.49)
+    turns = found["relative, 1 apart"]["rotation_deg"]
+    np.testing.assert_allclose(turns["median"], np.degrees(0.001), rtol=1e-6)
+    np.testing.assert_allclose(found["kitti"]["rotation_deg_per_100_m"], 5.787, atol=0.01)
+    table = scanlock("evaluate", tracks / "drift.txt", tracks / "truth.txt").out
+    assert "absolute [m]" in table
+    assert "deg/100 m over" in table
+
+
+def test_stamped_trajectories_are_matched_by_time(scanlock, tracks):
+    done = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "truth_tum.txt", "--json")
+    found = json.loads(done.out)
+    assert found["poses"] == 75
+    np.testing.assert_allclose(found["absolute"]["translation_m"]["largest"], 1.48)
+
+
+def test_trajectories_that_cannot_be_matched_are_one_line(scanlock, tracks):
+    done = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "truth.txt")
+    assert done.code == 1
+    assert "has 75 poses and" in done.err
+    assert done.err.count("\n") == 1
+    write_tum_poses(tracks / "later.txt", [1e9], _TRUTH[:1])
+    done = scanlock("evaluate", tracks / "later.txt", tracks / "truth_tum.txt")
+    assert "count from the same moment" in done.err
+
+
+def test_a_short_path_has_no_kitti_errors(scanlock, tmp_path):
+    write_kitti_poses(tmp_path / "short.txt", _TRUTH[:5])
+    done = scanlock("evaluate", tmp_path / "short.txt", tmp_path / "short.txt", "--align", "all")
+    assert done.code == 0
+    assert "need a path of more than 100 m" in done.out
+
+
+def test_maps_are_compared_by_the_voxels_they_fill(scanlock, tmp_path):
+    grid = np.mgrid[0:1:0.05, 0:1:0.05, 0:1:0.5].reshape(3, -1).T + 0.01
+    write_scan(tmp_path / "crisp.ply", grid)
+    write_scan(tmp_path / "blurred.ply", np.vstack([grid, grid + np.array([0.0, 0.0, 0.1])]))
+    done = scanlock("crispness", tmp_path / "crisp.ply", tmp_path / "blurred.ply", "--json")
+    assert [row["voxels"] for row in json.loads(done.out)["maps"]] == [200, 400]
+    wide = scanlock("crispness", tmp_path / "crisp.ply", "--width", "0.5")
+    assert wide.out.split()[-4:-1] == ["8", "0.5", "800"]
+    assert scanlock("crispness", tmp_path / "crisp.ply", "--width", "0").code == 1

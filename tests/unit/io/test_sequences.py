@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from reference.samples import street, yaw_pose
+from scanlock.errors import FormatError
+from scanlock.geometry.pose import Pose
+from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
+from scanlock.io.ford import VEHICLE_FROM_LASER, read_ford_scan
+from scanlock.io.sequences import open_sequence, read_trajectory
+
+_POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
+
+
+def _fill(folder, count=12, ending=".bin"):
+    folder.mkdir(parents=True)
+    for k in range(count):
+        points = np.full((5, 3), 1.0 + k, np.float32)
+        points[2] = 0.0
+        write_scan(folder / f"{k}{ending}", points)
+
+
+def test_a_plain_folder_is_in_natural_order(tmp_path):
+    _fill(tmp_path / "drive", ending=".ply")
+    (tmp_path / "drive" / "notes.txt").write_text("1 2 3\n")
+    found = open_sequence(tmp_path / "drive")
+    assert found.names == tuple(str(k) for k in range(12))
+    assert found.poses == ()
+    np.testing.assert_array_equal(found.times, np.arange(12.0))
+    # The row at (0, 0, 0) is no return.
+    np.testing.assert_array_equal(found.scan(10), np.full((4, 3), 11.0))
+
+
+def test_every_third_of_them_at_most_three(tmp_path):
+    _fill(tmp_path / "drive")
+    write_kitti_poses(tmp_path / "poses.txt", _POSES)
+    found = open_sequence(tmp_path / "drive", tmp_path / "poses.txt").taken(3, 3)
+    assert found.names == ("0", "3", "6")
+    for pose, row in zip(found.poses, (0, 3, 6), strict=True):
+        assert pose.is_close(_POSES[row], translation=1e-12, rotation=1e-7)
+    np.testing.assert_array_equal(found.times, [0.0, 3.0, 6.0])
+    assert len(found.taken(2)) == 2
+
+
+def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path):
+    folder = tmp_path / "sequences" / "07"
+    _fill(folder / "velodyne")
+    calibration = Pose.from_step(np.array([0.1, -0.2, -0.3, 1.2, -1.2, 1.2]))
+    cameras = [calibration @ pose @ calibration.inverse() for pose in _POSES]
+    (tmp_path / "poses").mkdir()
+    write_kitti_poses(tmp_path / "poses" / "07.txt", cameras)
+    numbers = " ".join(f"{value:.17g}" for value in calibration.matrix[:3].ravel())
+    (folder / "calib.txt").write_text(f"P0: 1 0 0\nTr: {numbers}\n")
+    np.savetxt(folder / "times.txt", 0.1 * np.arange(12))
+    found = open_sequence(folder)
+    assert found.title == "KITTI odometry"
+    for pose, expected in zip(found.poses, _POSES, strict=True):
+        assert pose.is_close(expected, translation=1e-9, rotation=1e-7)
+    np.testing.assert_allclose(found.times, 0.1 * np.arange(12))
+    (folder / "calib.txt").write_text("P0: 1 0 0\n")
+    with pytest.raises(FormatError, match="expected a line Tr:"):
+        open_sequence(folder)
+
+
+def test_kitti_raw_has_the_times_of_its_rows(tmp_path):
+    data = tmp_path / "drive" / "velodyne_points" / "data"
+    _fill(data, 3)
+    stamps = data.parent / "timestamps.txt"
+    stamps.write_text("2011-09-26 13:04:32.25\n2011-09-26 13:04:33.5\n2011-09-27 00:00:00\n\n")
+    found = open_sequence(tmp_path / "drive")
+    assert found.title == "KITTI raw"
+    np.testing.assert_allclose(found.times, [47072.25, 47073.5, 86400.0])
+    stamps.write_text("yesterday\n")
+    with pytest.raises(FormatError, match=r"line 1: expected a date and a time, found 'yesterday'"):
+        open_sequence(tmp_path / "drive")
+
+
+def test_what_simulate_writes_comes_back(tmp_path):
+    _fill(tmp_path / "sim" / "scans")
+    times = 0.25 * np.arange(12)
+    write_tum_poses(tmp_path / "sim" / "poses_tum.txt", times, _POSES)
+    found = open_sequence(tmp_path / "sim")
+    np.testing.assert_array_equal(found.times, times)
+    assert found.poses[5].is_close(_POSES[5], translation=1e-12, rotation=1e-7)
+
+
+def _ford_file(path, points, pose, time):
+    # World and vehicle have their z downwards; the heading is the last of the six.
+    savemat(path, {"SCAN": {"XYZ": points.T, "X_wv": pose[:, None], "timestamp_laser": time}})
+
+
+def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
+    folder = tmp_path / "ford" / "SCANS"
+    folder.mkdir(parents=True)
+    scan = street(1, 500)
+    poses = [np.array([0.0, 0, 0, 0, 0, 0]), np.array([2.0, 1.0, -0.1, 0, 0, np.pi / 2])]
+    for k, pose in enumerate(poses):
+        _ford_file(folder / f"Scan{75 + k:04d}.mat", scan, pose, np.uint64(1_000_000 * (k + 3)))
+    for place in (folder, folder.parent):
+        found = open_sequence(place)
+        assert found.title == "Ford Campus"
+        assert found.names == ("Scan0075", "Scan0076")
+        np.testing.assert_allclose(found.times, [3.0, 4.0])
+        np.testing.assert_array_equal(found.scan(1), scan)
+    first, second = found.poses
+    # The laser looks with its y where the vehicle looks with its x, and with z up, not down.
+    np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)
+    between = first.inverse() @ second
+    # Two metres ahead, one to the right, a little up; then a quarter turn to the right.
+    lever = VEHICLE_FROM_LASER.rotation.T @ (
+        np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) @ VEHICLE_FROM_LASER.translation
+        - VEHICLE_FROM_LASER.translation
+    )
+    np.testing.assert_allclose(between.translation - lever, [1.0, 2.0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(between.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"OTHER": 1.0}, "expected a struct SCAN"),
+        ({"SCAN": {"XYZ": np.zeros((3, 4))}}, "the field X_wv"),
+        (
+            {"SCAN": {"XYZ": np.zeros((4, 3)), "X_wv": np.zeros(6), "timestamp_laser": 1.0}},
+            r"expected XYZ \(3, n\)",
+        ),
+        (
+            {"SCAN": {"XYZ": np.eye(3), "X_wv": np.full(6, np.nan), "timestamp_laser": 1.0}},
+            "a finite pose and time",
+        ),
+    ],
+)
+def test_a_mat_file_that_is_no_scan_says_what_is_missing(tmp_path, content, message):
+    savemat(tmp_path / "Scan0001.mat", content)
+    with pytest.raises(FormatError, match=message):
+        read_ford_scan(tmp_path / "Scan0001.mat")
+
+
+def test_a_file_that_is_not_matlabs_is_refused(tmp_path):
+    (tmp_path / "Scan0001.mat").write_bytes(b"MATLAB? no, something else" * 20)
+    with pytest.raises(FormatError, match="expected a MATLAB file"):
+        open_sequence(tmp_path)
+
+
+def test_folders_without_a_sequence_say_what_is_expected(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        open_sequence(tmp_path / "nowhere")
+    with pytest.raises(FormatError, match="found no scan files"):
+        open_sequence(tmp_path)
+    _fill(tmp_path / "mixed", 2)
+    write_scan(tmp_path / "mixed" / "9.ply", np.ones((3, 3)))
+    with pytest.raises(FormatError, match=r"found files of \.bin, \.ply"):
+        open_sequence(tmp_path / "mixed")
+
+
+def test_poses_must_be_as_many_as_scans(tmp_path):
+    _fill(tmp_path / "drive")
+    write_kitti_poses(tmp_path / "poses.txt", _POSES[:5])
+    with pytest.raises(FormatError, match="a pose for each of the 12 scans, found 5"):
+        open_sequence(tmp_path / "drive", tmp_path / "poses.txt")
+
+
+def test_trajectories_of_either_format_are_read(tmp_path):
+    write_kitti_poses(tmp_path / "k.txt", _POSES)
+    write_tum_poses(tmp_path / "t.txt", np.arange(12.0), _POSES)
+    times, poses = read_trajectory(tmp_path / "k.txt")
+    assert times is None
+    assert poses[7].is_close(_POSES[7], translation=1e-12, rotation=1e-7)
+    times, poses = read_trajectory(tmp_path / "t.txt")
+    np.testing.assert_array_equal(times, np.arange(12.0))
+    assert len(poses) == 12
+    (tmp_path / "x.txt").write_text("1 2 3\n")
+    with pytest.raises(FormatError):
+        read_trajectory(tmp_path / "x.txt")
