@@ -4,12 +4,13 @@ Generalised ICP takes each point for a sample of a surface: where on the surface
 uncertain, how far off it is not (Segal, Haehnel and Thrun 2009, section III.B).
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, read_only
+from scanlock.arrays import Matrix, Points, Vector, frozen, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.kernels.surfaces import neighbour_covariances, principal_axes
@@ -36,6 +37,71 @@ def require_surface(neighbours: int, shape: SurfaceShape, thinness: float) -> No
         raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
     require_positive("thinness", thinness, unit="m^2")
     require_fraction("thinness", thinness)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Neighbourhoods:
+    """How the points around each point of a cloud are spread. Build with `around`.
+
+    Attributes
+    ----------
+    variances : (n, 3) [m^2]
+        Of the neighbours along their principal axes, ascending.
+    axes : (n, 3, 3)
+        The axes by row, unit vectors of either sign.
+    """
+
+    variances: Matrix
+    axes: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for array in (self.variances, self.axes):
+            frozen(array)
+
+    @classmethod
+    def around(cls, points: Points | PointTree, neighbours: int = 10) -> "Neighbourhoods":
+        """Return the spread about each point.
+
+        Parameters
+        ----------
+        points : (n, 3) or PointTree [m]
+            Of a tree, the rows are those of its own points.
+        neighbours : int
+            Nearest points that are looked at, the point itself included; all where there are
+            fewer.
+
+        Raises
+        ------
+        InvalidInput
+            Fewer than 4 neighbours.
+        """
+        require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
+        tree = points if isinstance(points, PointTree) else PointTree.from_points(points)
+        rows = tree.neighbours(min(neighbours, len(tree)))
+        covariances = neighbour_covariances(tree.points, read_only(rows))
+        variances, axes = principal_axes(read_only(covariances))
+        if tree is not points:
+            places = np.argsort(tree.rows)
+            variances, axes = variances[places], axes[places]
+        return cls(variances, axes.reshape(-1, 3, 3))
+
+    @property
+    def widths(self) -> Vector:
+        """The (n,) root mean square distance [m] of the neighbours from their mean."""
+        return np.sqrt(np.maximum(self.variances.sum(axis=1), 0.0))
+
+    def covariances(self, shape: SurfaceShape = "plane", thinness: float = 1e-3) -> Matrix:
+        """Return the (n, 6) covariances of the surface; see `surface_covariances`."""
+        if shape == "plane":
+            # Two axes of variance 1 are the identity less the third.
+            across = self.axes[:, 0, _PACKED_ROWS] * self.axes[:, 0, _PACKED_COLUMNS]
+            return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * across
+        first, second = self.axes[:, :, _PACKED_ROWS], self.axes[:, :, _PACKED_COLUMNS]
+        largest = self.variances[:, 2:]
+        shares = np.divide(
+            self.variances, largest, out=np.ones_like(self.variances), where=largest > 0.0
+        )
+        return np.einsum("na,nap,nap->np", np.maximum(shares, thinness), first, second)
 
 
 def surface_covariances(
@@ -73,15 +139,7 @@ def surface_covariances(
     small_gicp the same with 10.
     """
     require_surface(neighbours, shape, thinness)
-    variances, axes = _principal_axes(points, neighbours)
-    if shape == "plane":
-        # Two axes of variance 1 are the identity less the third.
-        across = axes[:, 0, _PACKED_ROWS] * axes[:, 0, _PACKED_COLUMNS]
-        return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * across
-    first, second = axes[:, :, _PACKED_ROWS], axes[:, :, _PACKED_COLUMNS]
-    largest = variances[:, 2:]
-    shares = np.divide(variances, largest, out=np.ones_like(variances), where=largest > 0.0)
-    return np.einsum("na,nap,nap->np", np.maximum(shares, thinness), first, second)
+    return Neighbourhoods.around(points, neighbours).covariances(shape, thinness)
 
 
 def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
@@ -100,23 +158,7 @@ def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
     InvalidInput
         Fewer than 4 neighbours.
     """
-    _, axes = _principal_axes(points, neighbours)
-    normals = axes[:, 0]
+    normals = Neighbourhoods.around(points, neighbours).axes[:, 0]
     places = points.points if isinstance(points, PointTree) else points
     away = np.einsum("na,na->n", normals, places) > 0.0
     return np.where(away[:, None], -normals, normals)
-
-
-def _principal_axes(
-    points: Points | PointTree, neighbours: int
-) -> tuple[Matrix, NDArray[np.float64]]:
-    """Return ascending variances (n, 3) of the neighbours, and their (n, 3, 3) axes by row."""
-    require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
-    tree = points if isinstance(points, PointTree) else PointTree.from_points(points)
-    rows = tree.neighbours(min(neighbours, len(tree)))
-    covariances = neighbour_covariances(tree.points, read_only(rows))
-    variances, axes = principal_axes(read_only(covariances))
-    if tree is not points:
-        places = np.argsort(tree.rows)
-        variances, axes = variances[places], axes[places]
-    return variances, axes.reshape(-1, 3, 3)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Vector, frozen, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.pairs import pair_precisions, pair_terms
+from scanlock.models.gaussians import unpacked
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.objectives.quadratic import Curvature, Quadratic
 
@@ -77,6 +78,12 @@ class DistributionPairs:
     def count(self) -> int:
         """How many pairs there are."""
         return len(self.target_rows)
+
+    def squared_distances(self, pose: Pose) -> Vector:
+        """Return the (m,) squared Mahalanobis distances ``d' B d`` at `pose`."""
+        moved = pose.apply(self.source.points[self.source_rows])
+        gaps = moved - self.target.points[self.target_rows]
+        return np.einsum("ma,mab,mb->m", gaps, unpacked(self.precisions), gaps)
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`; there must be a pair."""

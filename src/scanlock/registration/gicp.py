@@ -13,7 +13,7 @@ from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
-from scanlock.models.surfaces import SurfaceShape, require_surface, surface_covariances
+from scanlock.models.surfaces import Neighbourhoods, SurfaceShape, require_surface
 from scanlock.objectives.distribution_pairs import DistributionPairs
 from scanlock.objectives.quadratic import Quadratic
 from scanlock.objectives.restraint import FREE, Restraint
@@ -25,6 +25,9 @@ from scanlock.solvers.stopping import Stopping, StopReason
 
 _LEAST_POINTS = 10
 """Of fewer points, or fewer pairs, no pose is worth the name."""
+
+_FAR_SQUARED = 9.0
+"""A pair of points beyond three deviations misfits no more than a point without a partner."""
 
 _LOOSE_STEP = 0.0025
 """A coarse scale ends at steps below this share of it: the next one goes on from there."""
@@ -44,6 +47,8 @@ class SurfaceScan:
         Finds the closest of them.
     voxels : tuple of SurfaceVoxels
         One set for each scale, where points meet voxels.
+    left_out : int
+        How many thinned points had no surface.
     timings : mapping of str to float [s]
         Wall time of each stage.
     """
@@ -52,19 +57,20 @@ class SurfaceScan:
     surface: SurfacePoints
     tree: PointTree
     voxels: tuple[SurfaceVoxels, ...]
+    left_out: int
     timings: Mapping[str, float]
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found on the way."""
-        return (f"{len(self.surface)} surface points",)
+        return (f"{len(self.surface)} surface points; {self.left_out} others stand alone",)
 
     @property
     def shortage(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
         if len(self.surface) >= _LEAST_POINTS:
             return ""
-        return f"holds {len(self.surface)} thinned points, of {_LEAST_POINTS} needed"
+        return f"holds {len(self.surface)} surface points, of {_LEAST_POINTS} needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -89,6 +95,10 @@ class Gicp:
 
     shape: SurfaceShape = "plane"
     """What the neighbours are taken for, see `scanlock.models.surfaces`."""
+
+    widest: float = 10.0
+    """Points whose neighbours lie farther from their mean [m, root mean square] have no surface,
+    and are left out: stray returns, and what sensors write where nothing returned."""
 
     thinness: float = 1e-3
     """Variance across the surface, where that along it is 1 [m^2]; the paper's epsilon."""
@@ -116,6 +126,7 @@ class Gicp:
             for scale in scales:
                 require_positive(name, scale, unit="m")
         require_positive("spacing", self.spacing, unit="m")
+        require_positive("widest", self.widest, unit="m")
         require_positive("tolerance", self.tolerance, unit="m")
         require_count("rounds", self.rounds)
         require_positive("lever", self.lever, unit="m")
@@ -126,15 +137,20 @@ class Gicp:
         clock = StageClock()
         with clock.stage("thin"):
             tree = PointTree.from_points(voxel_means(cloud.points, self.spacing))
+            count = len(tree)
         with clock.stage("surface"):
-            covariances = surface_covariances(
-                tree, self.neighbours, shape=self.shape, thinness=self.thinness
-            )
-            surface = SurfacePoints(tree.points, covariances)
+            around = Neighbourhoods.around(tree, self.neighbours)
+            is_surface = around.widths <= self.widest
+            if not is_surface.all() and is_surface.any():
+                # Rare and few, so that looking anew for the neighbours of the rest is cheaper
+                # than keeping every scan's rows for it.
+                tree = PointTree.from_points(tree.points[is_surface])
+                around = Neighbourhoods.around(tree, self.neighbours)
+            surface = SurfacePoints(tree.points, around.covariances(self.shape, self.thinness))
         with clock.stage("voxels"):
             widths = self.voxel_widths if self.meeting == "voxel" else ()
             voxels = tuple(SurfaceVoxels.from_points(surface, width) for width in widths)
-        return SurfaceScan(cloud, surface, tree, voxels, clock.seconds)
+        return SurfaceScan(cloud, surface, tree, voxels, count - len(tree), clock.seconds)
 
     def align(
         self, target: SurfaceScan, source: SurfaceScan, start: Pose, restraint: Restraint = FREE
@@ -143,17 +159,25 @@ class Gicp:
 
         A start where fewer than 10 points meet is returned untouched, with NO_SUPPORT.
         """
-        pose, history = start, list[Iteration]()
-        for scale in self._scales[:-1]:
+        *coarse, finest = self._scales
+        pose, history, notes = start, list[Iteration](), tuple[str, ...]()
+        for scale in coarse:
             solution = self._descend(scale, target, source, pose, restraint)
             history.extend(solution.history)
             pose = solution.pose
-        solution = self._descend(self._scales[-1], target, source, pose, restraint)
+        if coarse and self._misfit(target, source, start) < self._misfit(target, source, pose):
+            # In a narrow place, or where little is shared, wide reaches can leave a good start.
+            pose, notes = (
+                start,
+                ("the coarse scales led away from the start and were not followed",),
+            )
+        solution = self._descend(finest, target, source, pose, restraint)
         is_lost = solution.reason is StopReason.NO_SUPPORT
         return replace(
             solution,
             pose=start if is_lost else solution.pose,
             history=(*history, *solution.history),
+            notes=(*notes, *solution.notes),
         )
 
     @property
@@ -189,6 +213,13 @@ class Gicp:
                 reason = StopReason.STEP_SMALL
                 break
         return Solution(pose, quadratic, reason, tuple(history), (note,))
+
+    def _misfit(self, target: SurfaceScan, source: SurfaceScan, pose: Pose) -> float:
+        """Return the mean over the source of the squared distances at the finest scale, capped."""
+        pairs, _ = self._meet(self._scales[-1], target, source, pose)
+        capped = np.minimum(pairs.squared_distances(pose), _FAR_SQUARED)
+        lonely = len(source.surface) - pairs.count
+        return (float(capped.sum()) + _FAR_SQUARED * lonely) / len(source.surface)
 
     def _meet(
         self, scale: float, target: SurfaceScan, source: SurfaceScan, pose: Pose

@@ -5,7 +5,7 @@ from reference import surfaces as reference
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
 from scanlock.models.gaussians import unpacked
-from scanlock.models.surfaces import surface_covariances, surface_normals
+from scanlock.models.surfaces import Neighbourhoods, surface_covariances, surface_normals
 
 
 def _cloud(seed, count=300):
@@ -107,6 +107,13 @@ def test_a_tree_gives_the_surfaces_of_its_own_points():
     covariances, normals = surface_covariances(tree, 12), surface_normals(tree, 12)
     np.testing.assert_array_equal(covariances, surface_covariances(points, 12)[tree.rows])
     np.testing.assert_array_equal(normals, surface_normals(points, 12)[tree.rows])
+
+
+def test_widths_are_the_scatter_of_the_neighbours():
+    points = _cloud(7)
+    nearest = [np.argsort(np.linalg.norm(points - one, axis=1))[:10] for one in points]
+    expected = [np.sqrt(points[rows].var(axis=0).sum()) for rows in nearest]
+    np.testing.assert_allclose(Neighbourhoods.around(points).widths, expected, rtol=1e-9)
 
 
 def test_points_are_left_as_they_were():

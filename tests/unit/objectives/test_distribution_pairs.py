@@ -49,6 +49,13 @@ def test_the_value_is_that_of_the_definition(seed):
         )
 
 
+def test_the_value_is_half_the_mean_of_the_squared_distances():
+    pairs, _, _, pose = _scene(4)
+    squared = pairs.squared_distances(pose)
+    assert squared.shape == (pairs.count,)
+    np.testing.assert_allclose(0.5 * squared.mean(), pairs.linearise(pose).value, rtol=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_gradient_and_hessian_are_those_of_differences(seed):
     pairs, listed, held_at, pose = _scene(seed)

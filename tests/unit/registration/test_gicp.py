@@ -144,10 +144,43 @@ def test_a_scan_keeps_what_it_was_thinned_to():
     assert kept.surface.points is kept.tree.points
     assert kept.voxels == ()
     assert kept.shortage == ""
-    assert kept.notes == (f"{len(kept.surface)} surface points",)
+    assert kept.notes == (f"{len(kept.surface)} surface points; 0 others stand alone",)
     assert set(kept.timings) == {"thin", "surface", "voxels"}
     widths = [voxels.width for voxels in _scan(street(1), Gicp(meeting="voxel")).voxels]
     assert widths == [8.0, 4.0, 2.0, 1.0]
+
+
+def test_points_that_stand_alone_are_left_out():
+    strays = [[1e6, 1e6, 0.0], [0.0, 0.0, 4e3], [-500.0, 0.0, 0.0]]
+    kept = _scan(np.vstack([street(1), strays]), Gicp())
+    plain = _scan(street(1), Gicp())
+    assert kept.left_out == plain.left_out + 3
+    np.testing.assert_array_equal(
+        np.sort(kept.surface.points, axis=0), np.sort(plain.surface.points, axis=0)
+    )
+    # Where every point stands alone, that is how dense the scan is.
+    sparse = _scan(1000.0 * street(1)[:500], Gicp())
+    assert (len(sparse.surface), sparse.left_out) == (500, 0)
+
+
+def _corridor(seed, count=6000):
+    rng = np.random.default_rng(seed)
+    along, height = rng.uniform(-40.0, 40.0, count), rng.uniform(0.0, 3.0, count)
+    across = rng.choice([-2.0, 2.0], count)
+    return np.column_stack([along, across, height - 1.5]) + rng.normal(0.0, 0.02, (count, 3))
+
+
+def test_coarse_scales_are_not_followed_away_from_a_good_start():
+    # A voxel as wide as the corridor holds both of its walls, and its mean lies between them.
+    method = Gicp(meeting="voxel", voxel_widths=(16.0, 1.0))
+    target, source = _scan(_corridor(1), method), _scan(_corridor(2), method)
+    led = method.align(target, source, Pose.identity())
+    assert any("not followed" in note for note in led.notes)
+    # Bare walls leave open the way along them and up.
+    assert abs(led.pose.translation[1]) < 0.01
+    assert led.pose.distance(Pose.identity())[1] < 0.01
+    good = _aligned(Gicp(meeting="voxel"), yaw_pose(0.1, (1.0, -0.5, 0.1)))
+    assert not any("not followed" in note for note in good.notes)
 
 
 @_with_each_meeting
@@ -155,7 +188,7 @@ def test_a_scan_keeps_what_it_was_thinned_to():
 def test_a_handful_of_points_is_too_few(meeting, count):
     handful = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 3))
     assert _scan(handful, Gicp(meeting=meeting)).shortage == (
-        f"holds {count} thinned points, of 10 needed"
+        f"holds {count} surface points, of 10 needed"
     )
 
 
