@@ -58,7 +58,10 @@ class Traits:
     """The same after a change in the order of points [m]."""
 
     is_local: bool = True
-    """Whether a point far away changes nothing."""
+    """Whether a point far away in both scans changes nothing; where not, one in a single scan."""
+
+    keeps_corridors: bool = True
+    """Whether a corridor stays on itself: voxels wider than it do not see its walls."""
 
     is_bounded: bool = True
     """Whether scans out of each other's reach end with no support, at the initial pose."""
@@ -71,6 +74,9 @@ TRAITS: dict[str, Traits] = {
     # D2D is stationary at identity and symmetric under exchange, exactly.
     "sgc-ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True),
     "sgc-ndt-p2d": Traits(motions=FAR_MOTIONS),
+    # A return of either scan that has a partner far out is a pair like any other, on a long lever.
+    "gicp": Traits(uses_ground=True, is_local=False),
+    "vgicp": Traits(uses_ground=True, is_local=False, keeps_corridors=False),
 }
 
 

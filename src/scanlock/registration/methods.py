@@ -6,6 +6,7 @@ from typing import Any, Protocol, TypeVar
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
+from scanlock.registration.gicp import Gicp
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.solvers.solution import Solution
 
@@ -54,6 +55,8 @@ class Method(Protocol[_Kept]):
 METHODS: dict[str, Method[Any]] = {
     "sgc-ndt-d2d": SgcNdt(score="d2d"),
     "sgc-ndt-p2d": SgcNdt(score="p2d"),
+    "gicp": Gicp(),
+    "vgicp": Gicp(meeting="voxel"),
 }
 """Each method by name, with its default settings."""
 
