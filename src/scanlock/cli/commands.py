@@ -69,6 +69,18 @@ Examples:
 
 {_READING}""",
     ),
+    "map": Command(
+        path="scanlock.cli.mapping:map_folder",
+        help="Register a folder of scans one to the next, and lay them into one map.",
+        epilogue="""\
+Examples:
+  scanlock map drive -o drive-map
+  scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
+
+Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or what
+scanlock simulate wrote. Exit code: 2 if a pair is not to be trusted.
+""",
+    ),
     "evaluate": Command(
         path="scanlock.cli.evaluate:evaluate",
         help="Compare a trajectory with the true one.",
