@@ -8,14 +8,12 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput
+from scanlock.evaluation.spread import spread
 from scanlock.report.canvas import BLUE, FAINT, INK, VERMILION, blank_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_WHISKERS = 1.5
-"""Whiskers end at the last value within this many times the height of the box."""
 
 _HALF_WIDTH = 0.28
 _FILL = "#d6e6f2"
@@ -92,21 +90,18 @@ def _draw_box(axes: "Axes", place: int, values: Vector) -> None:
     # Matplotlib's own box plot imports its state machine and looks for a screen.
     from matplotlib.patches import Rectangle
 
-    lower, median, upper = np.percentile(values, [25.0, 50.0, 75.0])
-    reach = _WHISKERS * (upper - lower)
-    inside = (values >= lower - reach) & (values <= upper + reach)
-    low, high = values[inside].min(), values[inside].max()
+    box = spread(values)
     left, right = place - _HALF_WIDTH, place + _HALF_WIDTH
+    height = box.upper - box.lower
     axes.add_patch(
-        Rectangle((left, lower), right - left, upper - lower, facecolor=_FILL, edgecolor=BLUE)
+        Rectangle((left, box.lower), right - left, height, facecolor=_FILL, edgecolor=BLUE)
     )
-    for start, end in ((lower, low), (upper, high)):
+    for start, end in ((box.lower, box.low), (box.upper, box.high)):
         axes.plot([place, place], [start, end], color=BLUE, linewidth=1.0)
         axes.plot([0.5 * (place + left), 0.5 * (place + right)], [end, end], color=BLUE, lw=1.0)
-    axes.plot([left, right], [median, median], color=VERMILION, linewidth=1.6)
-    beyond = np.sort(values[~inside])
+    axes.plot([left, right], [box.median, box.median], color=VERMILION, linewidth=1.6)
     axes.plot(
-        np.full(len(beyond), place), beyond, linestyle="none", marker="o", markersize=3,
+        np.full(len(box.outliers), place), box.outliers, linestyle="none", marker="o", markersize=3,
         markeredgecolor=INK, markerfacecolor="none", alpha=0.6,
     )  # fmt: skip
 

@@ -1,0 +1,90 @@
+"""Table I of Das et al. 2013: how many voxels each map fills, ours beside the paper's."""
+
+import math
+from collections.abc import Mapping
+
+from scanlock.experiments.experiment import Outcome
+from scanlock.experiments.pairwise import SOLVED_DEGREES, SOLVED_METRES, is_solved
+from scanlock.report.tables import Cell, Column, Table
+
+
+def crispness_table(counts: Mapping[str, int], printed: Mapping[str, int], baseline: str) -> Table:
+    """Return Table I of the paper: ours, the paper's, and both against one method.
+
+    Parameters
+    ----------
+    counts, printed : mapping of str to int
+        Filled voxels here and in the paper, by method.
+    baseline : str
+        The method that the others are compared with, where it is there.
+    """
+    columns = [
+        Column("method"),
+        Column("voxels", ",d"),
+        Column(f"against {baseline}", "+.2%"),
+        Column("voxels in the paper", ",d"),
+        Column(f"against {baseline} in the paper", "+.2%"),
+    ]
+    rows: list[list[Cell]] = []
+    for name, count in counts.items():
+        rows.append(
+            [
+                name,
+                count,
+                against(counts, name, baseline),
+                printed.get(name, math.nan),
+                against(printed, name, baseline),
+            ]
+        )
+    return Table(columns, rows)
+
+
+def crispness_remarks(
+    outcome: Outcome, counts: Mapping[str, int], printed: Mapping[str, int], baseline: str
+) -> list[str]:
+    """Return a sentence on each number of the paper: on which side of the baseline ours is."""
+    remarks: list[str] = []
+    for name in printed:
+        ours = against(counts, name, baseline)
+        theirs = against(printed, name, baseline)
+        if name == baseline:
+            continue
+        missing = [one for one in (name, baseline) if one not in counts]
+        if missing:
+            remarks.append(f"{name}: not compared, for {' and '.join(missing)} was not run here.")
+            continue
+        agree = "on the same side" if ours * theirs > 0 else "on the other side"
+        remarks.append(
+            f"{name} fills {ours:+.2%} voxels against {baseline} here and {theirs:+.2%} in the "
+            f"paper, {agree} of it. {_chain_sentence(outcome, name, baseline)}"
+        )
+    return remarks
+
+
+def against(counts: Mapping[str, int], name: str, baseline: str) -> float:
+    """Return by which share a count is above that of the baseline; NaN where one is missing."""
+    if name not in counts or baseline not in counts:
+        return math.nan
+    return counts[name] / counts[baseline] - 1.0
+
+
+def _chain_sentence(outcome: Outcome, name: str, baseline: str) -> str:
+    """Return whether lost pairs or small errors make the difference, where the truth tells."""
+    if not outcome.series.truth:
+        return "Without true poses nobody can say which pairs were lost."
+    lost = {
+        one: sum(not is_solved(record) for record in outcome.records[one])
+        for one in (name, baseline)
+    }
+    if not any(lost.values()):
+        return (
+            f"Neither lost a pair: errors below {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree "
+            "a pair make the difference."
+        )
+    counts = " and ".join(
+        f"{count} of {len(outcome.records[one])} by {one}" for one, count in lost.items()
+    )
+    return (
+        f"Pairs lost: {counts}; everything after a lost pair is laid in the wrong place, "
+        "and what the sensor sees twice there fills its voxels twice."
+    )

@@ -1,0 +1,45 @@
+"""The methods of Das et al. 2013, section VIII, with the settings that the paper states."""
+
+from scanlock.experiments.experiment import Contender
+from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
+from scanlock.registration.methods import METHODS
+from scanlock.registration.sgc_ndt import SgcNdt
+
+ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
+P2D, D2D = "SGC-NDT-P2D", "SGC-NDT-D2D"
+P2D_PRINTED, D2D_PRINTED = f"{P2D}, one scale", f"{D2D}, one scale"
+
+_SGC = (
+    "scanlock's own settings: every scale of blur from 8 m down to none, where the paper has a "
+    "single one; the stopping tolerances are the paper's, the limits of the clusters ours, for the "
+    "paper states none"
+)
+_ONE_SCALE = (
+    "Algorithm 1 as it is printed: one scale, no blur; the limits of the clusters are ours, and "
+    "so is the mended Newton step"
+)
+
+
+def sgc_contenders() -> list[Contender]:
+    """Return SGC-NDT both ways, as scanlock has it and as it is printed."""
+    one_scale = CoarseToFine(scales=PAPER_SCALES)
+    return [
+        Contender(name=P2D, method=METHODS["sgc-ndt-p2d"], remark=_SGC),
+        Contender(name=D2D, method=METHODS["sgc-ndt-d2d"], remark=_SGC),
+        Contender(
+            name=P2D_PRINTED, method=SgcNdt(score="p2d", schedule=one_scale), remark=_ONE_SCALE
+        ),
+        Contender(
+            name=D2D_PRINTED, method=SgcNdt(score="d2d", schedule=one_scale), remark=_ONE_SCALE
+        ),
+    ]
+
+
+def urban_contenders() -> list[Contender]:
+    """Return the methods of the city."""
+    return sgc_contenders()
+
+
+def forest_contenders() -> list[Contender]:
+    """Return the methods of the forest: the best two of the city."""
+    return sgc_contenders()

@@ -1,0 +1,184 @@
+"""The scans of an experiment, one at a time, and what is true of them."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scanlock.arrays import Vector, frozen
+from scanlock.errors import InvalidInput, require_count
+from scanlock.geometry.pose import Pose
+from scanlock.io.sequences import ScanSequence, open_sequence
+from scanlock.pipelines.study import StudyPair
+from scanlock.simulation import (
+    SCENES,
+    SENSORS,
+    SimulatedSequence,
+    forest_walk,
+    street_drive,
+)
+
+TruthKind = Literal["exact", "given", "unknown"]
+"""Where the poses of scans come from: the simulation, files beside the scans, or nowhere."""
+
+_SAMPLE = 1 << 16
+"""Bytes of each file that tell whether it is still the same."""
+
+_DRIVES = {"street": street_drive, "forest": forest_walk}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class ScanSeries:
+    """Scans in their order.
+
+    Attributes
+    ----------
+    title : str
+        What they are, in a phrase.
+    origin : str
+        Where they come from, for whoever wants the same ones.
+    key : str
+        What decides their points besides their names.
+    names : tuple of str
+    times : (n,) [s]
+    load : callable
+        Returns the (n, 3+) points [m] of a scan by its name, in the frame of its sensor.
+    truth : tuple of Pose
+        world_from_sensor of each scan; empty where it is unknown.
+    truth_kind : str
+    """
+
+    title: str
+    origin: str
+    key: str
+    names: tuple[str, ...]
+    times: Vector
+    load: Callable[[str], ArrayLike]
+    truth: tuple[Pose, ...] = ()
+    truth_kind: TruthKind = "unknown"
+
+    def __post_init__(self) -> None:
+        frozen(self.times)
+        if len(self.names) < 2:
+            raise InvalidInput(f"an experiment needs at least 2 scans, got {len(self.names)}")
+        if len(self.times) != len(self.names) or len(self.truth) not in (0, len(self.names)):
+            raise InvalidInput(
+                f"{len(self.names)} scans must have as many times and as many poses or none, got "
+                f"{len(self.times)} and {len(self.truth)}"
+            )
+
+    def pairs(self) -> list[StudyPair]:
+        """Return each scan with the next: the earlier stays, the later moves."""
+        steps: list[Pose | None] = [None] * (len(self.names) - 1)
+        if self.truth:
+            steps = [before.inverse() @ after for before, after in pairwise(self.truth)]
+        return [
+            StudyPair(target=target, source=source, truth=step)
+            for (target, source), step in zip(pairwise(self.names), steps, strict=True)
+        ]
+
+    def true_trajectory(self) -> list[Pose]:
+        """Return first_from_scan of each scan; empty where it is unknown."""
+        return [self.truth[0].inverse() @ pose for pose in self.truth]
+
+
+def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: int) -> ScanSeries:
+    """Return scans along a drive through a simulated scene, made as they are asked for.
+
+    They are those of ``scanlock simulate``: every point in the frame of the sensor in the middle
+    of its sweep, in float32.
+
+    Parameters
+    ----------
+    scene, sensor : str
+        "street" or "forest"; a key of `SENSORS`.
+    every : int
+        Take every k-th sweep of the drive.
+    scans : int
+        How many to take; at least 2.
+    seed : int
+        Decides the scene, the drive and the noise.
+    """
+    require_count("every", every)
+    require_count("scans", scans, least=2)
+    require_count("seed", seed, least=0)
+    building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    place = SCENES[scene](building)
+    drive = _DRIVES[scene](place, driving, count=1 + (scans - 1) * every)
+    sequence = SimulatedSequence(place.world, SENSORS[sensor](), drive, seed)
+    taken = range(0, len(sequence), every)
+    spoken = sensor.replace("_", "-")
+
+    def load(name: str) -> ArrayLike:
+        return sequence[int(name) * every].deskewed().astype(np.float32)
+
+    return ScanSeries(
+        title=f"{scans} simulated scans of an {spoken.upper()}, every {every}th sweep of a drive "
+        f"through a {scene}",
+        origin=f"scanlock simulate {scene} --sensor {spoken} --scans {scans} --every {every} "
+        f"--seed {seed}",
+        key=f"{scene} {sensor} every {every} seed {seed}",
+        names=tuple(f"{number:06d}" for number in range(scans)),
+        times=drive.times[::every].copy(),
+        load=load,
+        truth=tuple(drive.poses[index] for index in taken),
+        truth_kind="exact",
+    )
+
+
+def recorded_series(
+    folder: Path, *, every: int, scans: int | None = None, poses: Path | None = None
+) -> ScanSeries:
+    """Return every k-th scan of a folder, of which at most `scans` are taken.
+
+    Parameters
+    ----------
+    folder : Path
+        See `scanlock.io.sequences.open_sequence`.
+    every : int
+        Take every k-th scan.
+    scans : int, optional
+        How many to take at most; all by default.
+    poses : Path, optional
+        world_from_sensor of each scan of the folder, in place of its own.
+
+    Raises
+    ------
+    InvalidInput
+        Fewer than two scans are left.
+    """
+    require_count("every", every)
+    if scans is not None:
+        require_count("scans", scans, least=2)
+    taken = open_sequence(folder, poses).taken(every, scans)
+    if len(taken) < 2:
+        raise InvalidInput(
+            f"every {every}th scan of {folder} leaves {len(taken)}, and two are needed; take more "
+            "of them"
+        )
+    rows = {name: row for row, name in enumerate(taken.names)}
+    kind = f"{folder.resolve().name} ({taken.title})"
+    return ScanSeries(
+        title=f"{len(taken)} scans, every {every}th of {kind}",
+        origin=kind,
+        key=_digest(taken),
+        names=taken.names,
+        times=taken.times.copy(),
+        load=lambda name: taken.scan(rows[name]),
+        truth=taken.poses,
+        truth_kind="given" if taken.poses else "unknown",
+    )
+
+
+def _digest(sequence: ScanSequence) -> str:
+    digest = hashlib.sha256()
+    for path in sequence.paths:
+        digest.update(f"{path.name} {path.stat().st_size}".encode())
+        with path.open("rb") as handle:
+            digest.update(handle.read(_SAMPLE))
+    return digest.hexdigest()

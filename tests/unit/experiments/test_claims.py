@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import pytest
+
+from scanlock.experiments import claims
+
+GOOD, FAIR, BAD = (0.02, 0.001), (0.2, 0.001), (5.0, 0.5)
+
+
+def test_accurate_asks_three_quarters_of_the_pairs_of_each(outcome_of):
+    outcome = outcome_of({"a": [GOOD] * 3, "b": [GOOD, GOOD, BAD]})
+    assert claims.accurate("", outcome, ["a"]).holds
+    claim = claims.accurate("it is so", outcome, ["a", "b"])
+    assert (claim.says, claim.holds) == ("it is so", False)
+    assert "a 100%, b 67%" in claim.because
+
+
+def test_more_accurate_compares_medians(outcome_of):
+    outcome = outcome_of({"a": [GOOD, GOOD, BAD], "b": [FAIR] * 3})
+    assert claims.more_accurate("", outcome, ["a"], ["b"]).holds
+    assert not claims.more_accurate("", outcome, ["b"], ["a"]).holds
+    assert not claims.more_accurate("", outcome, ["a"], ["a"]).holds
+
+
+def test_losing_pairs_means_to_solve_fewer_than_every_other(outcome_of):
+    outcome = outcome_of({"a": [GOOD] * 3, "b": [GOOD, BAD, GOOD], "c": [BAD] * 3})
+    assert claims.loses_pairs("", outcome, "c", ["a", "b"]).holds
+    assert not claims.loses_pairs("", outcome, "b", ["a", "c"]).holds
+
+
+def test_wide_errors_are_tall_boxes(outcome_of):
+    outcome = outcome_of({"a": [GOOD, FAIR, GOOD], "b": [GOOD, FAIR, BAD]})
+    assert claims.widest_errors("", outcome, "b", ["a"]).holds
+    assert not claims.widest_errors("", outcome, "a", ["b"]).holds
+
+
+def test_a_method_without_a_single_pose_is_the_worst(outcome_of):
+    nan = (float("nan"), float("nan"))
+    outcome = outcome_of({"a": [BAD] * 3, "b": [nan] * 3})
+    assert claims.more_accurate("", outcome, ["a"], ["b"]).holds
+    assert claims.widest_errors("", outcome, "b", ["a"]).holds
+
+
+def test_crisper_and_alike_look_at_the_counts():
+    counts = {"a": 100, "b": 101, "c": 110}
+    assert claims.crisper("", counts, ["a", "b"], ["c"]).holds
+    assert not claims.crisper("", counts, ["a", "c"], ["b"]).holds
+    assert claims.alike("", counts, ["a", "b"], 0.02).holds
+    claim = claims.alike("", counts, ["a", "b", "c"], 0.02)
+    assert not claim.holds
+    assert "10.00% apart where 2% are allowed" in claim.because
+
+
+@pytest.mark.parametrize("kind", ["accurate", "more_accurate", "loses_pairs", "widest_errors"])
+def test_without_the_method_or_the_truth_nothing_is_decided(outcome_of, series, kind):
+    arguments = {
+        "accurate": (["a", "b"],),
+        "more_accurate": (["a"], ["b"]),
+        "loses_pairs": ("a", ["b"]),
+        "widest_errors": ("a", ["b"]),
+    }[kind]
+    claim = getattr(claims, kind)("", outcome_of({"a": [GOOD] * 3}), *arguments)
+    assert (claim.holds, claim.because) == (None, "b was not run")
+    blind = outcome_of({"a": [GOOD] * 3, "b": [GOOD] * 3}, replace(series, truth=()))
+    claim = getattr(claims, kind)("", blind, *arguments)
+    assert (claim.holds, claim.because) == (None, "the true poses are not known")
+
+
+def test_maps_that_are_not_there_decide_nothing():
+    assert claims.crisper("", {"a": 1}, ["a"], ["b"]).holds is None
+    assert claims.alike("", {"a": 1}, ["a", "b"], 0.1).holds is None

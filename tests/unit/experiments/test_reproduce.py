@@ -1,0 +1,138 @@
+import csv
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reference.studies import METHOD, contender
+from scanlock.experiments.experiment import Watch
+from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
+from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
+from scanlock.io import read_kitti_poses, read_scan, read_tum_poses
+from scanlock.pipelines import study as study_module
+
+NAMES = (P2D, D2D, G_ICP)
+
+
+@pytest.fixture(scope="module", params=["urban", "forest"])
+def experiment(request):
+    contenders = [contender(name, replace(METHOD, spacing=0.5 + k)) for k, name in enumerate(NAMES)]
+    return replace(EXPERIMENTS[request.param], contenders=contenders)
+
+
+@pytest.fixture(scope="module")
+def done(experiment, series, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("here") / "out"
+    return reproduce(experiment, series, folder)
+
+
+def _files(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+def test_the_same_experiment_gives_the_same_bytes(experiment, series, done, tmp_path):
+    reproduce(experiment, series, tmp_path)
+    assert _files(tmp_path) == _files(done.page.parent)
+
+
+def test_files_name_no_place_and_no_time(done):
+    for name, content in _files(done.page.parent).items():
+        assert str(done.page.parent).encode() not in content, name
+        assert b"seconds" not in content, name
+
+
+def test_every_file_that_the_page_names_is_there(done):
+    page = done.page.read_text()
+    for link in re.findall(r"\]\(([^)]+)\)", page):
+        assert (done.page.parent / link).is_file(), link
+    assert re.search("(holds here|not hold here).*: (filled voxels|median|solved)", page)
+    assert ("cannot be told here" in page) == ("was not run" in page)
+    for name in ("pairs", "errors", "crispness"):
+        assert (done.page.parent / "tables" / f"{name}.csv").is_file()
+    for ending in ("png", "svg"):
+        assert (done.page.parent / "figures" / f"maps.{ending}").is_file()
+
+
+def test_numbers_of_the_tables_are_those_of_the_records(done, series):
+    folder = done.page.parent
+    with (folder / "tables" / "pairs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    records = [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
+    assert len(rows) == len(records) == len(NAMES) * len(series.pairs())
+    errors = {(r["method"], r["pair"]): r["translation_error_m"] for r in records}
+    for row in rows:
+        key = (row["method"], f"{row['target']} {row['source']}")
+        assert float(row["translation error [m]"]) == errors[key]
+
+
+def test_trajectories_and_maps_are_what_the_records_chain_to(done, series):
+    folder = done.page.parent
+    poses = read_kitti_poses(folder / "trajectories" / "sgc-ndt-d2d.kitti.txt")
+    times, same = read_tum_poses(folder / "trajectories" / "sgc-ndt-d2d.tum.txt")
+    np.testing.assert_array_equal(times, series.times)
+    chain = poses[0]
+    for record, pose, other in zip(done.outcome.records[D2D], poses[1:], same[1:], strict=True):
+        chain = chain @ record.pose
+        assert pose.is_close(chain, translation=1e-12, rotation=1e-7)
+        assert other.is_close(chain, translation=1e-12, rotation=1e-7)
+    with (folder / "tables" / "crispness.csv").open() as file:
+        counts = {row["method"]: int(row["voxels"]) for row in csv.DictReader(file)}
+    for name, count in counts.items():
+        stem = {"true poses": "true-poses", D2D: "sgc-ndt-d2d"}.get(name)
+        if stem is not None:
+            assert len(read_scan(folder / "maps" / f"{stem}.ply")) == count
+
+
+def test_an_interrupted_run_goes_on_where_it_was(experiment, series, done, tmp_path, monkeypatch):
+    real = study_module.register
+    calls = []
+
+    def register(*arguments, **keywords):
+        calls.append(None)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        return real(*arguments, **keywords)
+
+    monkeypatch.setattr(study_module, "register", register)
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(experiment, series, tmp_path)
+    assert len((tmp_path / "records.jsonl").read_text().splitlines()) == 4
+    reproduce(experiment, series, tmp_path)
+    # The fifth was begun twice, the others once.
+    assert len(calls) == len(NAMES) * len(series.pairs()) + 1
+    assert _files(tmp_path) == _files(done.page.parent)
+
+
+def test_a_watch_sees_every_registration_and_every_scan(experiment, series, tmp_path):
+    seen = []
+
+    def watch(items, count, what):
+        items = list(items)
+        seen.append((what, count, len(items)))
+        return items
+
+    checked: Watch = watch
+    reproduce(experiment, series, tmp_path, checked)
+    assert [(count, found) for _, count, found in seen] == [(9, 9), (4, 4)]
+
+
+def test_without_true_poses_there_is_a_page_too(experiment, series, tmp_path):
+    blind = replace(series, truth=(), truth_kind="unknown")
+    page = reproduce(experiment, blind, tmp_path).page.read_text()
+    assert "The true poses are not known." in page
+    assert "the true poses are not known" in page
+    assert not (tmp_path / "maps" / "true-poses.ply").exists()
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_contenders_have_a_name_each_and_say_what_they_are(name):
+    contenders = EXPERIMENTS[name].contenders
+    assert len({one.name for one in contenders}) == len(contenders)
+    assert {P2D, D2D} <= {one.name for one in contenders}
+    assert all(one.remark for one in contenders)
