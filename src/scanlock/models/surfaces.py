@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.kernels.surfaces import neighbour_covariances, principal_axes
@@ -89,6 +89,10 @@ class Neighbourhoods:
     def widths(self) -> Vector:
         """The (n,) root mean square distance [m] of the neighbours from their mean."""
         return np.sqrt(np.maximum(self.variances.sum(axis=1), 0.0))
+
+    def taken(self, rows: Labels) -> "Neighbourhoods":
+        """Return the spread about the points of the given rows, in that order."""
+        return Neighbourhoods(self.variances[rows], self.axes[rows])
 
     def covariances(self, shape: SurfaceShape = "plane", thinness: float = 1e-3) -> Matrix:
         """Return the (n, 6) covariances of the surface; see `surface_covariances`."""

@@ -142,10 +142,9 @@ class Gicp:
             around = Neighbourhoods.around(tree, self.neighbours)
             is_surface = around.widths <= self.widest
             if not is_surface.all() and is_surface.any():
-                # Rare and few, so that looking anew for the neighbours of the rest is cheaper
-                # than keeping every scan's rows for it.
-                tree = PointTree.from_points(tree.points[is_surface])
-                around = Neighbourhoods.around(tree, self.neighbours)
+                rows = np.flatnonzero(is_surface)
+                tree = PointTree.from_points(tree.points[rows])
+                around = around.taken(rows[tree.rows])
             surface = SurfacePoints(tree.points, around.covariances(self.shape, self.thinness))
         with clock.stage("voxels"):
             widths = self.voxel_widths if self.meeting == "voxel" else ()
