@@ -1,4 +1,4 @@
-"""The two ways a kernel is compiled.
+"""The three ways a kernel is compiled.
 
 Compilation is lazy, so importing a kernel compiles nothing. `nogil` lets a thread pool drive
 serial kernels. Blanket fast-math is never on: it makes `isinf` and `isnan` answer False.
@@ -29,13 +29,26 @@ def sum_kernel(function: _Function) -> _Function:
     return _compiled(function, fastmath=_REORDERED_SUMS)
 
 
-def _compiled(function: _Function, fastmath: bool | set[str]) -> _Function:
+def sum_part(function: _Function) -> _Function:
+    """Compile a piece of a reduction into every kernel of its file that calls it.
+
+    The compiler may else leave a call with twenty arguments in an inner loop, which costs more
+    than what it calls.
+    """
+    return _compiled(function, fastmath=_REORDERED_SUMS, inline="always")
+
+
+def _compiled(function: _Function, fastmath: bool | set[str], inline: str = "never") -> _Function:
+    options: dict[str, Any] = {
+        "nogil": True,
+        "error_model": "numpy",
+        "fastmath": fastmath,
+        "inline": inline,
+    }
     try:
-        compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=fastmath)(
-            function
-        )
+        compiled = numba.njit(cache=True, **options)(function)
     except RuntimeError:
         # No writable place for the cache (read-only install and home): compile every time.
-        compiled = numba.njit(nogil=True, error_model="numpy", fastmath=fastmath)(function)
+        compiled = numba.njit(**options)(function)
     # A dispatcher is called like the function it compiles, which is all that callers know of it.
     return cast(_Function, compiled)

@@ -23,10 +23,10 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import sum_kernel, sum_part
 
 
-@kernel
+@sum_part
 def _score(
     squared: float, weight: float, sharpness: float, window_start: float, window_end: float
 ) -> tuple[float, float, float]:
@@ -48,7 +48,7 @@ def _score(
     )
 
 
-@sum_kernel
+@sum_part
 def _add_pair(
     terms: Vector,
     score: float,
@@ -151,6 +151,94 @@ def _add_pair(
     terms[27] += slope * h22 + curve * g2 * g2
 
 
+@sum_part
+def _moved(
+    points: Points, i: int, rotation: Matrix, translation: Vector
+) -> tuple[float, float, float]:
+    """Return a point in the target's frame."""
+    x0, x1, x2 = points[i, 0], points[i, 1], points[i, 2]
+    return (
+        rotation[0, 0] * x0 + rotation[0, 1] * x1 + rotation[0, 2] * x2 + translation[0],
+        rotation[1, 0] * x0 + rotation[1, 1] * x1 + rotation[1, 2] * x2 + translation[1],
+        rotation[2, 0] * x0 + rotation[2, 1] * x1 + rotation[2, 2] * x2 + translation[2],
+    )
+
+
+@sum_part
+def _turned(
+    covariances: Matrix, i: int, rotation: Matrix
+) -> tuple[float, float, float, float, float, float]:
+    """Return the packed ``R C R'`` of a packed covariance."""
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    s0, s1, s2 = covariances[i, 0], covariances[i, 1], covariances[i, 2]
+    s3, s4, s5 = covariances[i, 3], covariances[i, 4], covariances[i, 5]
+    # First the half product R C.
+    h00, h01 = r00 * s0 + r01 * s1 + r02 * s2, r00 * s1 + r01 * s3 + r02 * s4
+    h02, h10 = r00 * s2 + r01 * s4 + r02 * s5, r10 * s0 + r11 * s1 + r12 * s2
+    h11, h12 = r10 * s1 + r11 * s3 + r12 * s4, r10 * s2 + r11 * s4 + r12 * s5
+    h20, h21 = r20 * s0 + r21 * s1 + r22 * s2, r20 * s1 + r21 * s3 + r22 * s4
+    h22 = r20 * s2 + r21 * s4 + r22 * s5
+    return (
+        h00 * r00 + h01 * r01 + h02 * r02,
+        h00 * r10 + h01 * r11 + h02 * r12,
+        h00 * r20 + h01 * r21 + h02 * r22,
+        h10 * r10 + h11 * r11 + h12 * r12,
+        h10 * r20 + h11 * r21 + h12 * r22,
+        h20 * r20 + h21 * r21 + h22 * r22,
+    )
+
+
+@sum_part
+def _add_gaussians(
+    terms: Vector,
+    covariances: Matrix,
+    j: int,
+    weight: float,
+    y0: float,
+    y1: float,
+    y2: float,
+    q0: float,
+    q1: float,
+    q2: float,
+    c00: float,
+    c01: float,
+    c02: float,
+    c11: float,
+    c12: float,
+    c22: float,
+    sharpness: float,
+    window_start: float,
+    window_end: float,
+    exact: float,
+) -> None:
+    """Add a source of mean y and covariance c against target j, at ``q = y - mu``."""
+    s00, s01, s02 = c00 + covariances[j, 0], c01 + covariances[j, 1], c02 + covariances[j, 2]
+    s11, s12, s22 = c11 + covariances[j, 3], c12 + covariances[j, 4], c22 + covariances[j, 5]
+    a00 = s11 * s22 - s12 * s12
+    a01 = s02 * s12 - s01 * s22
+    a02 = s01 * s12 - s02 * s11
+    inverse = 1.0 / (s00 * a00 + s01 * a01 + s02 * a02)
+    k00, k01, k02 = a00 * inverse, a01 * inverse, a02 * inverse
+    k11 = (s00 * s22 - s02 * s02) * inverse
+    k12 = (s01 * s02 - s00 * s12) * inverse
+    k22 = (s00 * s11 - s01 * s01) * inverse
+    b0 = k00 * q0 + k01 * q1 + k02 * q2
+    b1 = k01 * q0 + k11 * q1 + k12 * q2
+    b2 = k02 * q0 + k12 * q1 + k22 * q2
+    squared = b0 * q0 + b1 * q1 + b2 * q2
+    if squared < window_end:
+        score, slope, curve = _score(squared, weight, sharpness, window_start, window_end)
+        u0 = y0 - (c00 * b0 + c01 * b1 + c02 * b2)
+        u1 = y1 - (c01 * b0 + c11 * b1 + c12 * b2)
+        u2 = y2 - (c02 * b0 + c12 * b1 + c22 * b2)
+        _add_pair(
+            terms, score, slope, curve, b0, b1, b2, u0, u1, u2,
+            k00, k01, k02, k11, k12, k22, c00, c01, c02, c11, c12, c22, exact,
+        )  # fmt: skip
+
+
 @sum_kernel
 def d2d_terms(
     target_means: Points,
@@ -161,6 +249,9 @@ def d2d_terms(
     source_covariances: Matrix,
     source_widths: Vector,
     source_weights: Vector,
+    lists: Labels,
+    starts: Labels,
+    members: Labels,
     rotation: Matrix,
     translation: Vector,
     sharpness: float,
@@ -168,81 +259,43 @@ def d2d_terms(
     window_end: float,
     exact: float,
 ) -> Vector:
-    """Return the 28 sums over all pairs of Gaussians, each with the product of its weights.
+    """Return the 28 sums over pairs of Gaussians, each with the product of its weights.
 
-    Covariances are (k, 6) packed upper triangles. Widths are the largest variances:
-    ``s >= |q|^2 / (sum of widths)`` whatever the rotation, so a pair beyond the window is
-    skipped before its matrix is inverted.
+    Source i meets the targets ``members[starts[l] : starts[l + 1]]`` of its list ``l = lists[i]``,
+    none where that is -1, and all where there are no lists. Covariances are (k, 6) packed upper
+    triangles. Widths are the largest variances: ``s >= |q|^2 / (sum of widths)`` whatever the
+    rotation, so a pair beyond the window is skipped before its matrix is inverted.
     """
     terms = np.zeros(28)
-    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
-    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
-    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     for i in range(source_means.shape[0]):
-        m0, m1, m2 = source_means[i, 0], source_means[i, 1], source_means[i, 2]
-        y0 = r00 * m0 + r01 * m1 + r02 * m2 + translation[0]
-        y1 = r10 * m0 + r11 * m1 + r12 * m2 + translation[1]
-        y2 = r20 * m0 + r21 * m1 + r22 * m2 + translation[2]
-        # C = R C_s R', first the half product.
-        s0, s1, s2 = source_covariances[i, 0], source_covariances[i, 1], source_covariances[i, 2]
-        s3, s4, s5 = source_covariances[i, 3], source_covariances[i, 4], source_covariances[i, 5]
-        h00, h01, h02 = (
-            r00 * s0 + r01 * s1 + r02 * s2,
-            r00 * s1 + r01 * s3 + r02 * s4,
-            r00 * s2 + r01 * s4 + r02 * s5,
-        )
-        h10, h11, h12 = (
-            r10 * s0 + r11 * s1 + r12 * s2,
-            r10 * s1 + r11 * s3 + r12 * s4,
-            r10 * s2 + r11 * s4 + r12 * s5,
-        )
-        h20, h21, h22 = (
-            r20 * s0 + r21 * s1 + r22 * s2,
-            r20 * s1 + r21 * s3 + r22 * s4,
-            r20 * s2 + r21 * s4 + r22 * s5,
-        )
-        c00 = h00 * r00 + h01 * r01 + h02 * r02
-        c01 = h00 * r10 + h01 * r11 + h02 * r12
-        c02 = h00 * r20 + h01 * r21 + h02 * r22
-        c11 = h10 * r10 + h11 * r11 + h12 * r12
-        c12 = h10 * r20 + h11 * r21 + h12 * r22
-        c22 = h20 * r20 + h21 * r21 + h22 * r22
+        y0, y1, y2 = _moved(source_means, i, rotation, translation)
+        c00, c01, c02, c11, c12, c22 = _turned(source_covariances, i, rotation)
+        if lists.shape[0] > 0:
+            first = starts[lists[i]] if lists[i] >= 0 else 0
+            last = starts[lists[i] + 1] if lists[i] >= 0 else 0
+            for m in range(first, last):
+                j = members[m]
+                q0 = y0 - target_means[j, 0]
+                q1 = y1 - target_means[j, 1]
+                q2 = y2 - target_means[j, 2]
+                widths = source_widths[i] + target_widths[j]
+                if q0 * q0 + q1 * q1 + q2 * q2 < window_end * widths:
+                    _add_gaussians(
+                        terms, target_covariances, j, source_weights[i] * target_weights[j],
+                        y0, y1, y2, q0, q1, q2, c00, c01, c02, c11, c12, c22,
+                        sharpness, window_start, window_end, exact,
+                    )  # fmt: skip
+            continue
+        # The same loop once more: reading rows off a list costs half as much again as all else.
         for j in range(target_means.shape[0]):
-            q0 = y0 - target_means[j, 0]
-            q1 = y1 - target_means[j, 1]
-            q2 = y2 - target_means[j, 2]
-            reach = window_end * (source_widths[i] + target_widths[j])
-            if q0 * q0 + q1 * q1 + q2 * q2 >= reach:
-                continue
-            s00 = c00 + target_covariances[j, 0]
-            s01 = c01 + target_covariances[j, 1]
-            s02 = c02 + target_covariances[j, 2]
-            s11 = c11 + target_covariances[j, 3]
-            s12 = c12 + target_covariances[j, 4]
-            s22 = c22 + target_covariances[j, 5]
-            a00 = s11 * s22 - s12 * s12
-            a01 = s02 * s12 - s01 * s22
-            a02 = s01 * s12 - s02 * s11
-            inverse = 1.0 / (s00 * a00 + s01 * a01 + s02 * a02)
-            k00, k01, k02 = a00 * inverse, a01 * inverse, a02 * inverse
-            k11 = (s00 * s22 - s02 * s02) * inverse
-            k12 = (s01 * s02 - s00 * s12) * inverse
-            k22 = (s00 * s11 - s01 * s01) * inverse
-            b0 = k00 * q0 + k01 * q1 + k02 * q2
-            b1 = k01 * q0 + k11 * q1 + k12 * q2
-            b2 = k02 * q0 + k12 * q1 + k22 * q2
-            squared = b0 * q0 + b1 * q1 + b2 * q2
-            if squared >= window_end:
-                continue
-            weight = source_weights[i] * target_weights[j]
-            score, slope, curve = _score(squared, weight, sharpness, window_start, window_end)
-            u0 = y0 - (c00 * b0 + c01 * b1 + c02 * b2)
-            u1 = y1 - (c01 * b0 + c11 * b1 + c12 * b2)
-            u2 = y2 - (c02 * b0 + c12 * b1 + c22 * b2)
-            _add_pair(
-                terms, score, slope, curve, b0, b1, b2, u0, u1, u2,
-                k00, k01, k02, k11, k12, k22, c00, c01, c02, c11, c12, c22, exact,
-            )  # fmt: skip
+            q0, q1, q2 = y0 - target_means[j, 0], y1 - target_means[j, 1], y2 - target_means[j, 2]
+            widths = source_widths[i] + target_widths[j]
+            if q0 * q0 + q1 * q1 + q2 * q2 < window_end * widths:
+                _add_gaussians(
+                    terms, target_covariances, j, source_weights[i] * target_weights[j],
+                    y0, y1, y2, q0, q1, q2, c00, c01, c02, c11, c12, c22,
+                    sharpness, window_start, window_end, exact,
+                )  # fmt: skip
     return terms
 
 
@@ -270,14 +323,8 @@ def p2d_terms(
     lists of `tile_lists`, so a point outside all tiles meets nothing.
     """
     terms = np.zeros(28)
-    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
-    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
-    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     for i in range(points.shape[0]):
-        x0, x1, x2 = points[i, 0], points[i, 1], points[i, 2]
-        y0 = r00 * x0 + r01 * x1 + r02 * x2 + translation[0]
-        y1 = r10 * x0 + r11 * x1 + r12 * x2 + translation[1]
-        y2 = r20 * x0 + r21 * x1 + r22 * x2 + translation[2]
+        y0, y1, y2 = _moved(points, i, rotation, translation)
         column = math.floor((y0 - corner[0]) / width)
         row = math.floor((y1 - corner[1]) / width)
         if column < 0 or column >= columns or row < 0 or row >= rows:
@@ -285,9 +332,7 @@ def p2d_terms(
         tile = row * columns + column
         for m in range(starts[tile], starts[tile + 1]):
             j = members[m]
-            q0 = y0 - means[j, 0]
-            q1 = y1 - means[j, 1]
-            q2 = y2 - means[j, 2]
+            q0, q1, q2 = y0 - means[j, 0], y1 - means[j, 1], y2 - means[j, 2]
             k00, k01, k02 = precisions[j, 0], precisions[j, 1], precisions[j, 2]
             k11, k12, k22 = precisions[j, 3], precisions[j, 4], precisions[j, 5]
             b0 = k00 * q0 + k01 * q1 + k02 * q2

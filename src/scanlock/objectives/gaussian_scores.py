@@ -1,36 +1,38 @@
 """The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector
+from scanlock.arrays import Points
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.terms import d2d_terms, p2d_terms
-from scanlock.kernels.tiles import tile_lists
 from scanlock.models.gaussians import Gaussians
+from scanlock.objectives.candidates import Candidates, EveryTarget, TargetsInReach, Tiles
 from scanlock.objectives.quadratic import Curvature, Quadratic
 
-_TILE_WIDTH = 3.0
-"""Side of the tiles that list the Gaussians in reach [m]; about the size of a cluster."""
-
-_MOST_TILES_A_SIDE = 256
-"""Wide maps get wider tiles instead of more memory."""
+_MOST_PAIRS_UNSORTED = 250_000
+"""Up to here it is faster to look at every pair than to list those in reach."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScoreShape:
     """The score of one pair as a function of its squared Mahalanobis distance s.
 
-    ``-exp(-sharpness s / 2)``, cut off by a window that is 1 up to `window_start` and falls to
-    0 at `window_end` with two continuous derivatives, so that skipping pairs beyond the end
-    changes nothing that a solver can see.
+    ``-height exp(-sharpness s / 2)``, cut off by a window that is 1 up to `window_start` and
+    falls to 0 at `window_end` with two continuous derivatives, so that skipping pairs beyond the
+    end changes nothing that a solver can see.
     """
 
     sharpness: float = 1.0
     """1 in the paper; smaller values widen the basin (0.05 in Stoyanov's published code)."""
+
+    height: float = 1.0
+    """Score of a perfect pair. A factor of the whole value: it moves no minimum, but says how
+    much the scans weigh against a prior, and how small a gradient is."""
 
     window_start: float = 16.0
     """Squared distance, times the sharpness, where the window begins to fall; what is cut
@@ -41,12 +43,38 @@ class ScoreShape:
 
     def __post_init__(self) -> None:
         require_positive("sharpness", self.sharpness)
+        require_positive("height", self.height)
         require_positive("window_start", self.window_start)
         if not self.window_end > self.window_start:
             raise InvalidInput(
                 f"window_end must be above window_start = {self.window_start}, "
                 f"got {self.window_end}"
             )
+
+    @classmethod
+    def magnusson(cls, width: float, outlier_ratio: float = 0.55) -> "ScoreShape":
+        """Return the Gaussian nearest to the log likelihood of a cell with outliers.
+
+        A point of a cell comes from its Gaussian or, with the probability `outlier_ratio`, from
+        anywhere in the cell: ``-log(c1 exp(-s / 2) + c2)``. The shape agrees with that at s = 0,
+        at s = 1 and far away; in Magnusson 2009, equation 6.8, the height is ``-d1`` and the
+        sharpness ``d2``. The window stays where it is in terms of the score, e^-8 of the height.
+
+        Parameters
+        ----------
+        width : float [m]
+            Side of the cells.
+        outlier_ratio : float
+            Above 0 and below 1; 0.55 in the Point Cloud Library.
+        """
+        require_positive("width", width, unit="m")
+        if not 0.0 < outlier_ratio < 1.0:
+            raise InvalidInput(f"outlier_ratio must lie above 0 and below 1, got {outlier_ratio}")
+        # c1 / c2, how much likelier a point at the mean is under the Gaussian than without it.
+        odds = 10.0 * (1.0 - outlier_ratio) * width**3 / outlier_ratio
+        height = math.log1p(odds)
+        at_one = math.log1p(odds * math.exp(-0.5))
+        return cls(sharpness=-2.0 * math.log(at_one / height), height=height)
 
     @property
     def parameters(self) -> tuple[float, float, float]:
@@ -58,13 +86,13 @@ class ScoreShape:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class GaussiansToGaussians:
-    """D2D: every Gaussian of the source against every Gaussian of the target.
+    """D2D: Gaussians of the source against Gaussians of the target, each with every other.
 
     The value is minus the sum over all pairs of ``w_i w_j rho``, with the counts to
     `weight_power`, scaled to unit length, as the weights of either side; it is symmetric under
-    exchange of the scans.
+    exchange of the scans, unless `candidates` are chosen for the source.
     """
 
     target: Gaussians
@@ -72,6 +100,8 @@ class GaussiansToGaussians:
     shape: ScoreShape = field(default_factory=ScoreShape)
     weight_power: float = 0.5
     curvature: Curvature = "exact"
+    candidates: Candidates | None = None
+    """Pairs that count; None for all."""
 
     @property
     def count(self) -> int:
@@ -80,22 +110,31 @@ class GaussiansToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        return Quadratic.from_terms(
-            d2d_terms(
-                self.target.means,
-                self.target.packed_covariances,
-                self.target.widths,
-                self.target.weights(self.weight_power),
-                self.source.means,
-                self.source.packed_covariances,
-                self.source.widths,
-                self.source.weights(self.weight_power),
-                pose.rotation,
-                pose.translation,
-                *self.shape.parameters,
-                float(self.curvature == "exact"),
-            )
+        terms = d2d_terms(
+            self.target.means,
+            self.target.packed_covariances,
+            self.target.widths,
+            self.target.weights(self.weight_power),
+            self.source.means,
+            self.source.packed_covariances,
+            self.source.widths,
+            self.source.weights(self.weight_power),
+            *self._candidates.at(pose.apply(self.source.means)),
+            pose.rotation,
+            pose.translation,
+            *self.shape.parameters,
+            float(self.curvature == "exact"),
         )
+        return Quadratic.from_terms(self.shape.height * terms)
+
+    @cached_property
+    def _candidates(self) -> Candidates:
+        if self.candidates is not None:
+            return self.candidates
+        if len(self.target) * len(self.source) <= _MOST_PAIRS_UNSORTED:
+            return EveryTarget()
+        _, _, window_end = self.shape.parameters
+        return TargetsInReach.of(self.target, self.source, window_end)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,26 +157,26 @@ class PointsToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
+        tiles = self._tiles
         terms = p2d_terms(
             self.points,
             self.target.means,
             self.target.packed_precisions,
-            *self._tiles,
+            tiles.starts,
+            tiles.members,
+            tiles.corner,
+            tiles.width,
+            tiles.columns,
+            tiles.rows,
             pose.rotation,
             pose.translation,
             *self.shape.parameters,
             float(self.curvature == "exact"),
         )
-        return Quadratic.from_terms(terms / len(self.points))
+        return Quadratic.from_terms(self.shape.height / len(self.points) * terms)
 
     @cached_property
-    def _tiles(self) -> tuple[Labels, Labels, Vector, float, int, int]:
+    def _tiles(self) -> Tiles:
         """Lists of the Gaussians that can meet a point of each tile of the plane."""
         _, _, window_end = self.shape.parameters
-        radii = np.sqrt(window_end * self.target.widths)
-        low = (self.target.means[:, :2] - radii[:, None]).min(axis=0)
-        high = (self.target.means[:, :2] + radii[:, None]).max(axis=0)
-        width = max(_TILE_WIDTH, float((high - low).max()) / _MOST_TILES_A_SIDE)
-        columns, rows = (int(count) for count in np.floor((high - low) / width) + 1)
-        starts, members = tile_lists(self.target.means, radii, low, width, columns, rows)
-        return starts, members, low, width, columns, rows
+        return Tiles.of(self.target.means, np.sqrt(window_end * self.target.widths))

@@ -5,14 +5,27 @@ import pytest
 
 from reference import gaussian_scores as reference
 from reference.samples import gaussians
+from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.terms import d2d_terms
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 
 
+_EVERYONE = (read_only(np.empty(0, np.int64)),) * 3
+
+
 def _terms(
-    target, source, pose, *, sharpness=1.0, start=16.0, end=25.0, width_factor=1.0, exact=1.0
+    target,
+    source,
+    pose,
+    *,
+    sharpness=1.0,
+    start=16.0,
+    end=25.0,
+    width_factor=1.0,
+    exact=1.0,
+    lists=_EVERYONE,
 ):
     def side(part):
         widths = width_factor * part.widths
@@ -20,7 +33,15 @@ def _terms(
         return part.means, part.packed_covariances, widths, part.weights()
 
     return d2d_terms(
-        *side(target), *side(source), pose.rotation, pose.translation, sharpness, start, end, exact
+        *side(target),
+        *side(source),
+        *lists,
+        pose.rotation,
+        pose.translation,
+        sharpness,
+        start,
+        end,
+        exact,
     )
 
 
@@ -117,3 +138,32 @@ def test_at_a_perfect_fit_of_one_pair_both_curvatures_are_one():
     exact, convex = (_terms(one, one, Pose.identity(), exact=part) for part in (1.0, 0.0))
     np.testing.assert_allclose(convex, exact, atol=1e-12)
     assert np.abs(convex[7:]).max() > 0.1
+
+
+def _lists(lists, starts, members):
+    return tuple(read_only(np.array(part)) for part in (lists, starts, members))
+
+
+def test_a_list_of_everyone_gives_the_same_bits_as_none():
+    rng = np.random.default_rng(9)
+    target, source = gaussians(rng, 30), gaussians(rng, 20)
+    pose = Pose.from_step(rng.normal(size=6))
+    lists = _lists(np.zeros(20, np.int64), [0, 30], np.arange(30))
+    np.testing.assert_array_equal(
+        _terms(target, source, pose, lists=lists), _terms(target, source, pose)
+    )
+
+
+def test_lists_choose_the_pairs_that_count():
+    # Three sources: the first meets targets 4 and 1, the second none, the third target 2.
+    rng = np.random.default_rng(10)
+    target, source = gaussians(rng, 6, spread=2.0), gaussians(rng, 3, spread=2.0)
+    pose = Pose.from_step(0.1 * rng.normal(size=6))
+    found = _terms(target, source, pose, lists=_lists([1, -1, 0], [0, 1, 3], [2, 4, 1]))[0]
+    s = reference.d2d_squared(
+        pose, target.means, target.covariances, source.means, source.covariances
+    )
+    scores = source.weights()[:, None] * target.weights() * reference.rho(s)
+    expected = -(scores[0, 4] + scores[0, 1] + scores[2, 2])
+    assert expected < 0.0
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

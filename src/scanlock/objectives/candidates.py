@@ -1,0 +1,144 @@
+"""Which Gaussians of the target each Gaussian of the source is compared with, at a pose.
+
+All answers have one form: source i meets the targets ``members[starts[l] : starts[l + 1]]`` of
+its list ``l = lists[i]``, and none where that is -1; where there are no lists it meets all.
+"""
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from scanlock.arrays import Labels, Points, Vector, read_only
+from scanlock.clouds.point_tree import PointTree
+from scanlock.errors import require_count
+from scanlock.kernels.cells import rows_within
+from scanlock.kernels.tiles import tile_lists
+from scanlock.models.gaussians import Gaussians
+from scanlock.models.voxel_gaussians import VoxelGaussians
+
+Lists = tuple[Labels, Labels, Labels]
+"""Lists of each source (m,), where they start (l + 1,) and their members."""
+
+_NONE = read_only(np.empty(0, np.int64))
+
+_TILE_WIDTH = 3.0
+"""Side of the tiles that list the Gaussians in reach [m]; about the size of a cluster."""
+
+_MOST_TILES_A_SIDE = 256
+"""Wide maps get wider tiles instead of more memory."""
+
+
+class Candidates(Protocol):
+    """A rule of who meets whom."""
+
+    def at(self, places: Points) -> Lists:
+        """Return the lists of (m, 3) means of the source in the target's frame [m]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class EveryTarget:
+    """All Gaussians of the target for each of the source (Das et al. 2013)."""
+
+    def at(self, places: Points) -> Lists:
+        """Return no list at all, which stands for everyone."""
+        return _NONE, _NONE, _NONE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tiles:
+    """Lists of the Gaussians that reach each square tile of the xy plane.
+
+    Attributes
+    ----------
+    starts, members : (columns * rows + 1,), (l,)
+        Of the list of each tile, row by row.
+    corner : (2,) [m]
+    width : float [m]
+    columns, rows : int
+    """
+
+    starts: Labels
+    members: Labels
+    corner: Vector
+    width: float
+    columns: int
+    rows: int
+
+    @classmethod
+    def of(cls, means: Points, radii: Vector, least_width: float = _TILE_WIDTH) -> "Tiles":
+        """Return the tiles of means (k, 3) that reach as far as their radii [m]."""
+        low = (means[:, :2] - radii[:, None]).min(axis=0)
+        high = (means[:, :2] + radii[:, None]).max(axis=0)
+        width = max(least_width, float((high - low).max()) / _MOST_TILES_A_SIDE)
+        columns, rows = (int(count) for count in np.floor((high - low) / width) + 1)
+        starts, members = tile_lists(means, radii, low, width, columns, rows)
+        return cls(starts, members, low, width, columns, rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TargetsInReach:
+    """The targets that can score with any source at a place, and few that cannot.
+
+    As good as `EveryTarget` and faster for thousands: a pair is out of reach when its means are
+    farther apart than the window allows for the largest variances of either, which no rotation
+    changes.
+    """
+
+    tiles: Tiles
+
+    @classmethod
+    def of(cls, target: Gaussians, source: Gaussians, window_end: float) -> "TargetsInReach":
+        """Return the rule for pairs that score nothing from a squared distance on."""
+        radii = np.sqrt(window_end * (target.widths + source.widths.max()))
+        # Tiles much smaller than what reaches them repeat their lists.
+        return cls(Tiles.of(target.means, radii, max(_TILE_WIDTH, 0.5 * float(np.median(radii)))))
+
+    def at(self, places: Points) -> Lists:
+        """Return the list of the tile of each place."""
+        tiles = self.tiles
+        steps = np.floor((places[:, :2] - tiles.corner) / tiles.width)
+        inside = (steps >= 0.0).all(axis=1) & (steps < (tiles.columns, tiles.rows)).all(axis=1)
+        lists = np.full(len(places), -1, np.int64)
+        column, row = steps[inside].astype(np.int64).T
+        lists[inside] = row * tiles.columns + column
+        return read_only(lists), tiles.starts, tiles.members
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NearestTarget:
+    """The one target whose mean is nearest (Stoyanov et al. 2012); it changes in jumps."""
+
+    tree: PointTree
+    """Of the target's means."""
+
+    def at(self, places: Points) -> Lists:
+        """Return a list of one for every place."""
+        rows, _ = self.tree.nearest(places)
+        count = len(places)
+        return (
+            read_only(np.arange(count)),
+            read_only(np.arange(count + 1)),
+            read_only(self.tree.rows[rows]),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CellsAround:
+    """The targets at most so many cells away along each axis; they too change in jumps."""
+
+    voxels: VoxelGaussians
+    reach: int = field(default=2)
+    """2 in the code that Stoyanov et al. published."""
+
+    def __post_init__(self) -> None:
+        require_count("reach", self.reach, 0)
+
+    def at(self, places: Points) -> Lists:
+        """Return the cells around each place."""
+        voxels = self.voxels
+        starts, members = rows_within(
+            read_only(places), voxels.table, voxels.cells, voxels.corner, voxels.width, self.reach
+        )
+        return read_only(np.arange(len(places))), read_only(starts), read_only(members)

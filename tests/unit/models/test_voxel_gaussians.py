@@ -1,0 +1,102 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from scanlock.errors import InvalidInput
+from scanlock.kernels.cells import cell_table
+from scanlock.models.voxel_gaussians import VoxelGrid
+
+
+def _by_cell(points, width, corner):
+    cells = {}
+    for point in points:
+        cells.setdefault(tuple(np.floor((point - corner) / width).astype(int)), []).append(point)
+    return cells
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3])
+def test_each_full_cell_has_the_unbiased_moments_of_its_points(offset):
+    points = np.random.default_rng(0).normal(0.0, [3.0, 2.0, 1.0], (600, 3))
+    grid = VoxelGrid(variance_ratio=0.0, deviation_floor=1e-6, offset=offset)
+    found = grid.gaussians(points, 1.5)
+    cells = _by_cell(points, 1.5, 1.5 * offset)
+    full = {cell: np.array(own) for cell, own in cells.items() if len(own) >= 6}
+    assert {tuple(cell) for cell in found.cells.tolist()} == set(full)
+    assert 10 < len(full) < len(cells)
+    rows = zip(found.cells.tolist(), found.gaussians.means, found.gaussians.covariances,
+               found.gaussians.counts, strict=True)  # fmt: skip
+    for cell, mean, covariance, count in rows:
+        own = full[tuple(cell)]
+        assert count == len(own)
+        np.testing.assert_allclose(mean, own.mean(axis=0), atol=1e-12)
+        # The Point Cloud Library has (n - 1) / n where this has n / (n - 1).
+        np.testing.assert_allclose(covariance, np.cov(own.T), atol=1e-9)
+
+
+def test_small_variances_are_raised_to_a_share_of_the_largest():
+    rng = np.random.default_rng(1)
+    plane = np.column_stack([rng.uniform(0.1, 0.9, (200, 2)), np.full(200, 0.5)])
+    [variances] = VoxelGrid(variance_ratio=0.01).gaussians(plane, 1.0).gaussians.variances
+    np.testing.assert_allclose(variances[0], max(0.01 * variances[2], 0.01**2))
+    point = np.full((20, 3), 0.5)
+    [variances] = VoxelGrid(deviation_floor=0.05).gaussians(point, 1.0).gaussians.variances
+    np.testing.assert_allclose(variances, 0.05**2)
+
+
+def test_cells_of_few_points_are_left_out():
+    points = np.repeat([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]], [5, 6], axis=0)
+    found = VoxelGrid().gaussians(points, 1.0)
+    assert found.cells.tolist() == [[1, 0, 0]]
+    assert len(VoxelGrid(least_count=7).gaussians(points, 1.0)) == 0
+
+
+def test_the_cell_is_that_of_the_points_even_on_a_face():
+    # The mean of seven times 0.3 is below 0.3 by rounding; the points are not.
+    face = np.full((7, 3), 0.3)
+    found = VoxelGrid().gaussians(face, 0.1)
+    np.testing.assert_array_equal(found.cells[0], np.floor(face[0] / 0.1))
+
+
+@pytest.mark.parametrize("far", [1.0, 1e6, 1e12])
+def test_every_cell_is_found_in_the_hash_under_its_own_row(far):
+    rng = np.random.default_rng(2)
+    cells = np.unique(rng.integers(-40, 40, (900, 3)) * np.array([1, 7, int(far)]), axis=0)
+    table = cell_table(cells, 2048)
+    assert sorted(table[table >= 0].tolist()) == list(range(len(cells)))
+
+
+def test_the_hash_is_at_most_half_full_and_never_empty():
+    rng = np.random.default_rng(3)
+    for count in (0, 1, 7, 8, 300):
+        points = np.repeat(rng.permutation(2000)[:count, None] + 0.5, 6, axis=0) * np.ones(3)
+        found = VoxelGrid().gaussians(points, 1.0)
+        assert len(found) == count
+        assert 2 * len(found) < len(found.table) <= max(2, 8 * len(found))
+
+
+def test_voxels_survive_a_pickle():
+    found = VoxelGrid().gaussians(np.random.default_rng(4).normal(size=(200, 3)), 1.0)
+    again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.cells, found.cells)
+    np.testing.assert_array_equal(again.gaussians.covariances, found.gaussians.covariances)
+    np.testing.assert_array_equal(again.table, found.table)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"least_count": 1}, "least_count must be a whole number of at least 2"),
+        ({"variance_ratio": -0.1}, "variance_ratio must lie between 0 and 1"),
+        ({"deviation_floor": 0.0}, "deviation_floor must be positive, got 0.0 m"),
+        ({"offset": 1.5}, "offset must lie between 0 and 1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(settings, message):
+    with pytest.raises(InvalidInput, match=message):
+        VoxelGrid(**settings)
+
+
+def test_a_width_that_is_none_is_refused():
+    with pytest.raises(InvalidInput, match=r"width must be at least 0\.01 m, got 0"):
+        VoxelGrid().gaussians(np.zeros((10, 3)), 0)
