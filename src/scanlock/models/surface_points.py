@@ -42,7 +42,7 @@ class SurfacePoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceVoxels:
-    """The surface by the voxel: Koide et al. 2021, section III.B. Build with `from_points`.
+    """The surface by the voxel, as in Koide et al. 2021. Build with `from_points`.
 
     Attributes
     ----------
