@@ -102,6 +102,18 @@ Maps of the same scans can be compared, no others.
 
 {_READING}""",
     ),
+    "reproduce": Command(
+        path="scanlock.cli.reproduce:reproduce",
+        help="Run an experiment of the SGC-NDT paper, and set our numbers beside its own.",
+        epilogue="""\
+Examples:
+  scanlock reproduce forest
+  scanlock reproduce urban --scans 10 -o /tmp/urban
+  scanlock reproduce urban --data 2011_09_26_drive_0005_sync --poses poses.txt
+
+Ctrl-C loses nothing: the same command goes on where it was.
+""",
+    ),
     "simulate": Command(
         path="scanlock.cli.simulate:simulate",
         help="Make scans with exact poses and labels.",

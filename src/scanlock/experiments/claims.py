@@ -8,9 +8,7 @@ import numpy as np
 from scanlock.evaluation.spread import spread
 from scanlock.experiments.experiment import Claim, Outcome
 from scanlock.experiments.pairwise import (
-    SOLVED_DEGREES,
-    SOLVED_METRES,
-    is_solved,
+    SOLVED,
     translation_errors,
 )
 
@@ -39,7 +37,7 @@ def accurate(says: str, outcome: Outcome, names: Sequence[str]) -> Claim:
     return Claim(
         says=says,
         holds=all(share >= 0.75 for share in shares.values()),
-        because=f"solved within {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree, of which three "
+        because=f"solved within {SOLVED}, of which three "
         f"quarters are asked: {_listed(shares, '.0%')}",
     )
 
@@ -68,8 +66,7 @@ def loses_pairs(says: str, outcome: Outcome, name: str, than: Sequence[str]) -> 
     return Claim(
         says=says,
         holds=all(shares[name] < shares[other] for other in than),
-        because=f"solved within {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree: "
-        f"{_listed(shares, '.0%')}",
+        because=f"solved within {SOLVED}: {_listed(shares, '.0%')}",
     )
 
 
@@ -118,7 +115,7 @@ def alike(says: str, counts: Mapping[str, int], names: Sequence[str], within: fl
 
 
 def _solved_share(outcome: Outcome, name: str) -> float:
-    return float(np.mean([is_solved(record) for record in outcome.records[name]]))
+    return float(np.mean([SOLVED.hold(record) for record in outcome.records[name]]))
 
 
 def _median(outcome: Outcome, name: str) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from scanlock.experiments.experiment import Outcome
-from scanlock.experiments.pairwise import SOLVED_DEGREES, SOLVED_METRES, is_solved
+from scanlock.experiments.pairwise import SOLVED
 from scanlock.report.tables import Cell, Column, Table
 
 
@@ -73,14 +73,11 @@ def _chain_sentence(outcome: Outcome, name: str, baseline: str) -> str:
     if not outcome.series.truth:
         return "Without true poses nobody can say which pairs were lost."
     lost = {
-        one: sum(not is_solved(record) for record in outcome.records[one])
+        one: sum(not SOLVED.hold(record) for record in outcome.records[one])
         for one in (name, baseline)
     }
     if not any(lost.values()):
-        return (
-            f"Neither lost a pair: errors below {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree "
-            "a pair make the difference."
-        )
+        return f"Neither lost a pair: errors below {SOLVED} a pair make the difference."
     counts = " and ".join(
         f"{count} of {len(outcome.records[one])} by {one}" for one, count in lost.items()
     )

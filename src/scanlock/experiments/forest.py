@@ -14,8 +14,7 @@ from scanlock.experiments.experiment import (
 )
 from scanlock.experiments.maps import lay_maps
 from scanlock.experiments.pairwise import (
-    SOLVED_DEGREES,
-    SOLVED_METRES,
+    SOLVED,
     TRUTH,
     error_table,
     pair_table,
@@ -58,8 +57,7 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
             Section(title="The maps (Figure 4)", figures={"maps": map_figure(laid.drawn)}),
             Section(
                 title="Accuracy, which the paper could not measure",
-                text=f"A pair is solved within {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree "
-                "of its true pose, where that is known.",
+                text=f"A pair is solved within {SOLVED} of its true pose, where that is known.",
                 tables={"errors": error_table(outcome), "pairs": pair_table(outcome)},
             ),
             Section(title="What the paper concludes", claims=_claims(outcome, counts)),

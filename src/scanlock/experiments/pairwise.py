@@ -5,18 +5,43 @@ What Das et al. 2013, section VIII, do in the city and in the forest.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from scanlock.arrays import Vector
+from scanlock.errors import require_positive
 from scanlock.evaluation.spread import spread
 from scanlock.experiments.experiment import Outcome
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyRecord
 from scanlock.report.tables import Cell, Column, Table
 
-SOLVED_METRES, SOLVED_DEGREES = 0.3, 1.0
-"""A pair within both of the true pose is solved."""
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Limits:
+    """How near to the true pose a registration must end to count as solved."""
+
+    metres: float = 0.3
+    """Translation, in the middle of the source [m]."""
+
+    degrees: float = 1.0
+    """Rotation [deg]."""
+
+    def __post_init__(self) -> None:
+        require_positive("metres", self.metres, unit="m")
+        require_positive("degrees", self.degrees, unit="deg")
+
+    def hold(self, record: StudyRecord) -> bool:
+        """Tell whether a registration is solved."""
+        return record.is_solved(self.metres, math.radians(self.degrees))
+
+    def __str__(self) -> str:
+        return f"{self.metres:g} m and {self.degrees:g} degree"
+
+
+SOLVED = Limits()
+"""The limits of the papers' experiments here; the papers have none."""
 
 TRUTH = "true poses"
 """Name of the trajectory and the map that the known poses give."""
@@ -41,11 +66,6 @@ def tracks_of(outcome: Outcome) -> dict[str, list[Pose]]:
     return tracks
 
 
-def is_solved(record: StudyRecord) -> bool:
-    """Tell whether a pose is near enough to the true one."""
-    return record.is_solved(SOLVED_METRES, math.radians(SOLVED_DEGREES))
-
-
 def translation_errors(records: Sequence[StudyRecord]) -> Vector:
     """Return the (n,) errors [m]; NaN for pairs without a pose or a truth."""
     return np.array([record.translation_error for record in records])
@@ -56,7 +76,7 @@ def rotation_errors_deg(records: Sequence[StudyRecord]) -> Vector:
     return np.degrees([record.rotation_error for record in records])
 
 
-def error_table(outcome: Outcome) -> Table:
+def error_table(outcome: Outcome, limits: Limits = SOLVED) -> Table:
     """Return how near each contender comes: the boxes of the box plots as numbers."""
     columns = [
         Column("method"),
@@ -75,12 +95,13 @@ def error_table(outcome: Outcome) -> Table:
     ]
     rows: list[list[Cell]] = []
     for name, records in outcome.records.items():
-        solved = [is_solved(record) for record in records]
-        called = [record.ok for record in records]
-        wrong = sum(ok and not good for ok, good in zip(called, solved, strict=True))
+        judged = [record for record in records if not math.isnan(record.translation_error)]
+        solved: Cell = sum(limits.hold(record) for record in judged) if judged else math.nan
+        wrong: Cell = sum(record.ok and not limits.hold(record) for record in judged)
         errors = (translation_errors(records), rotation_errors_deg(records))
         numbers = [number for values in errors for number in _quartiles(values)]
-        rows.append([name, len(records), sum(solved), *numbers, sum(called), wrong])
+        called = sum(record.ok for record in records)
+        rows.append([name, len(records), solved, *numbers, called, wrong if judged else math.nan])
     return Table(columns, rows)
 
 

@@ -2,12 +2,16 @@
 
 from scanlock.experiments.experiment import Contender
 from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
+from scanlock.registration.gicp import Gicp
 from scanlock.registration.methods import METHODS
 from scanlock.registration.sgc_ndt import SgcNdt
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
 P2D, D2D = "SGC-NDT-P2D", "SGC-NDT-D2D"
 P2D_PRINTED, D2D_PRINTED = f"{P2D}, one scale", f"{D2D}, one scale"
+
+_TOLERANCE = 1e-6
+"""Where optimisations end: the norm of the step [m]."""
 
 _SGC = (
     "scanlock's own settings: every scale of blur from 8 m down to none, where the paper has a "
@@ -35,11 +39,23 @@ def sgc_contenders() -> list[Contender]:
     ]
 
 
+def gicp_contender() -> Contender:
+    """Return G-ICP as the paper has it."""
+    method = Gicp(gates=(10.0,), tolerance=_TOLERANCE)
+    return Contender(
+        name=G_ICP,
+        method=method,
+        remark="pairs up to 10 m apart from first to last, as the paper says; either scan thinned "
+        f"to voxels of {method.spacing:g} m, of which it says nothing; ends when new pairs move "
+        f"the pose by less than {_TOLERANCE:g} m, or after {method.rounds} rounds of them",
+    )
+
+
 def urban_contenders() -> list[Contender]:
     """Return the methods of the city."""
-    return sgc_contenders()
+    return [gicp_contender(), *sgc_contenders()]
 
 
 def forest_contenders() -> list[Contender]:
     """Return the methods of the forest: the best two of the city."""
-    return sgc_contenders()
+    return [gicp_contender(), *sgc_contenders()]

@@ -21,8 +21,7 @@ from scanlock.experiments.experiment import (
 )
 from scanlock.experiments.maps import lay_maps
 from scanlock.experiments.pairwise import (
-    SOLVED_DEGREES,
-    SOLVED_METRES,
+    SOLVED,
     TRUTH,
     error_table,
     pair_table,
@@ -87,7 +86,7 @@ def _accuracy(outcome: Outcome) -> list[Section]:
         )
     ]
     text = (
-        f"A pair is solved within {SOLVED_METRES:g} m and {SOLVED_DEGREES:g} degree of its true "
+        f"A pair is solved within {SOLVED} of its true "
         "pose. Boxes reach from quartile to quartile, whiskers to the last value within 1.5 times "
         "that height. The paper prints the figure and no numbers, so there are none to compare."
     )

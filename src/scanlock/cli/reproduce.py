@@ -1,0 +1,133 @@
+"""``scanlock reproduce``: an experiment of a paper, our numbers beside its own."""
+
+import math
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from scanlock.errors import InvalidInput, require_count
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from scanlock.experiments.experiment import Experiment, Findings, Outcome
+    from scanlock.experiments.series import ScanSeries
+    from scanlock.pipelines.study import StudyRecord
+
+ExperimentName = Literal["urban", "forest"]
+
+_MARKS = {True: "holds", False: "does not hold", None: "cannot be told"}
+
+
+def reproduce(
+    experiment: ExperimentName,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    scans: int | None = None,
+    seed: int = 1,
+    data: Path | None = None,
+    poses: Path | None = None,
+) -> None:
+    """Run an experiment of Das, Servos and Waslander 2013 and write a page of what came out.
+
+    An interrupted run goes on where it was when it is started again with the same folder.
+
+    Parameters
+    ----------
+    experiment : str
+        The city of section VIII-A, or the forest of VIII-B.
+    output : Path
+        Folder for the page, tables, figures, trajectories and maps; by default
+        scanlock-EXPERIMENT.
+    scans : int
+        How many scans to register; by default as many as make a good comparison.
+    seed : int
+        Decides the simulated scans; any whole number from 0.
+    data : Path
+        Folder of recorded scans to take instead: KITTI, Ford Campus, or any other.
+    poses : Path
+        True poses of all scans in that folder (KITTI or TUM), in place of its own.
+    """
+    from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.progress import progress
+    from scanlock.cli.screen import print_line, print_title, waiting
+    from scanlock.experiments.reproduce import EXPERIMENTS
+    from scanlock.experiments.reproduce import reproduce as reproduced
+    from scanlock.report.canvas import require_figures
+
+    require_figures()
+    require_count("--seed", seed, 0)
+    if scans is not None:
+        require_count("--scans", scans, 2)
+    chosen = EXPERIMENTS[experiment]
+    folder = output or Path(f"scanlock-{experiment}")
+    with compile_watch():
+        with waiting("making ready"):
+            series = _series(chosen, scans, seed, data, poses)
+        done = reproduced(chosen, series, folder, progress)
+    print_title(f"{chosen.title}: {series.title}")
+    _show_methods(done.outcome, done.findings)
+    _show_claims(done.findings)
+    print_line(f"wrote {done.page} and all that it leads to")
+
+
+def _series(
+    experiment: "Experiment", scans: int | None, seed: int, data: Path | None, poses: Path | None
+) -> "ScanSeries":
+    from scanlock.experiments.series import recorded_series
+
+    if data is not None:
+        return recorded_series(data, every=experiment.every, scans=scans, poses=poses)
+    if poses is not None:
+        raise InvalidInput("--poses belongs to --data; simulated scans have exact poses")
+    return experiment.simulated(scans or experiment.scans, seed)
+
+
+def _show_methods(outcome: "Outcome", findings: "Findings") -> None:
+    from scanlock.cli.screen import print_table
+    from scanlock.experiments.pairwise import rotation_errors_deg, translation_errors
+
+    heads = ("method", "solved", "median [m]", "median [deg]", "voxels", "ms a pair")
+    print_table(
+        heads,
+        [
+            [
+                name,
+                _solved(records, known=bool(outcome.series.truth)),
+                _median(translation_errors(records).tolist(), ".3f"),
+                _median(rotation_errors_deg(records).tolist(), ".3f"),
+                f"{len(findings.maps[name]):,}" if name in findings.maps else "-",
+                _median([1e3 * record.seconds for record in records], ".0f"),
+            ]
+            for name, records in outcome.records.items()
+        ],
+    )
+
+
+def _solved(records: "Sequence[StudyRecord]", *, known: bool) -> str:
+    from scanlock.experiments.pairwise import SOLVED
+
+    if not known:
+        return "-"
+    return f"{sum(SOLVED.hold(record) for record in records)} / {len(records)}"
+
+
+def _median(values: "Iterable[float]", form: str) -> str:
+    kept = [value for value in values if not math.isnan(value)]
+    return format(median(kept), form) if kept else "-"
+
+
+def _show_claims(findings: "Findings") -> None:
+    from scanlock.cli.screen import Facts, print_facts, print_title
+
+    facts: Facts = [
+        (_MARKS[claim.holds], f"{claim.says} ({claim.because})")
+        for section in findings.sections
+        for claim in section.claims
+    ]
+    if facts:
+        print_title("what the paper concludes, and whether it does here")
+        print_facts(facts)
