@@ -1,18 +1,36 @@
-"""The line search of More and Thuente 1994, which NDT was published with."""
+"""The line search of More and Thuente 1994, with which the normal distributions transform is used.
+
+An interval holds the minimum of ``psi(a) = f(a) - f(0) - mu f'(0) a`` or, once psi has been below
+zero on a rising slope, of ``f`` itself; one end is the best point so far. Interpolation chooses the
+next length in four cases (section 4 of the paper), and each updates the interval (section 2).
+"""
 
 import math
 from dataclasses import dataclass
 
-from scanlock.errors import require_count, require_fraction, require_positive
-from scanlock.solvers.line_search import Along
+from scanlock.errors import require_count, require_fraction
+from scanlock.solvers.line_search import (
+    Along,
+    LinePoint,
+    LineStep,
+    cubic_bottom,
+    is_flat,
+    promised,
+)
 
-_Point = tuple[float, float, float]
-"""Length, value and slope."""
+_SHRINK = 0.66
+"""An interval shrinks at least by this in two steps; a trial stays this far from its other end."""
+
+_STRIDE = (1.1, 4.0)
+"""Without an interval yet, the next step beyond a point, over the step that led there."""
+
+_LEAST_WIDTH = 1e-14
+"""Relative width of an interval that rounding cannot divide."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MoreThuente:
-    """Settings of the search; the defaults are those of the Point Cloud Library's NDT."""
+    """Settings of the search."""
 
     decrease: float = 1e-4
     """Share of the promised decrease, the paper's mu."""
@@ -20,110 +38,119 @@ class MoreThuente:
     flatness: float = 0.9
     """Largest magnitude of the slope, as a share of the first one, the paper's eta."""
 
-    longest: float = 20.0
-    """Longest step, as a multiple of the first length."""
-
     trials: int = 30
     """Most lengths to try."""
 
     def __post_init__(self) -> None:
         require_fraction("decrease", self.decrease)
         require_fraction("flatness", self.flatness)
-        require_positive("longest", self.longest)
         require_count("trials", self.trials)
 
-    def search(self, along: Along, first: float) -> float:
-        """Return the length; 0 where none lowers the value."""
-        value, slope = along(0.0)
-        limit = self.longest * first
-        best: _Point = (0.0, value, slope)
-        other: _Point = best
-        bracketed, early = False, True
-        widths = (limit, 2.0 * limit)
-        length = first
+    def search(self, along: Along, first: float, longest: float = math.inf) -> LineStep:
+        """Return a length that keeps both rules: `first` if it does, never above `longest`."""
+        start = LinePoint.at(along, 0.0)
+        ends = _Ends(start, start, is_closed=False)
+        is_early, widths = True, (math.inf, math.inf)
+        length = min(first, longest)
         for _ in range(self.trials):
-            tried, tilt = along(length)
-            if not math.isfinite(tried):
-                length = 0.5 * (best[0] + length)
-                limit = min(limit, 2.0 * length)
+            here = LinePoint.at(along, length)
+            if not math.isfinite(here.value + here.slope):
+                longest, length = length, 0.5 * (ends.best.length + length)
                 continue
-            promised = value + self.decrease * length * slope
-            if tried <= promised and abs(tilt) <= -self.flatness * slope:
-                return length
-            if length >= limit and tried <= promised and tilt <= self.decrease * slope:
-                return length
-            # The first stage works on psi, the value less the promised decrease.
-            early = early and not (tried <= promised and tilt >= 0.0)
-            shift = (
-                self.decrease * slope if early and tried <= best[1] and tried > promised else 0.0
-            )
-            points = [
-                (at, v - at * shift, s - shift) for at, v, s in (best, other, (length, tried, tilt))
-            ]
-            trial, bracketed = _trial(points[0], points[1], points[2], bracketed)
-            reach = length - best[0]
-            best, other = _updated(points[0], points[2], best, other, (length, tried, tilt))
-            if bracketed:
-                width = abs(other[0] - best[0])
-                if width >= 0.66 * widths[1]:
-                    trial = best[0] + 0.5 * (other[0] - best[0])
-                widths = (width, widths[0])
-                if width <= 1e-15 * max(abs(best[0]), abs(other[0])):
+            is_low = here.value <= promised(start, length, self.decrease)
+            if is_low and is_flat(start, here, self.flatness):
+                return LineStep(here, True)
+            if is_low and length >= longest and here.slope <= self.decrease * start.slope:
+                return LineStep(here, False)
+            is_early = is_early and not (is_low and here.slope >= 0.0)
+            # Section 3: psi serves as long as f has not fallen enough where it has fallen at all.
+            uses_psi = is_early and not is_low and here.value <= ends.best.value
+            tilt = self.decrease * start.slope if uses_psi else 0.0
+            length, ends = ends.with_trial(here, tilt)
+            if ends.is_closed:
+                if ends.width <= _LEAST_WIDTH * max(ends.best.length, ends.other.length):
                     break
-            else:
-                # The paper's bounds on how fast an open interval grows.
-                trial = min(max(trial, length + 1.1 * reach), length + 4.0 * reach)
-            length = min(max(trial, 0.0), limit)
-        return best[0]
+                if ends.width >= _SHRINK * widths[1] or not math.isfinite(length):
+                    length = 0.5 * (ends.best.length + ends.other.length)
+                widths = ends.width, widths[0]
+            length = min(max(length, 0.0), longest)
+        return LineStep(ends.best, False)
 
 
-def _updated(
-    low: _Point, new: _Point, best: _Point, other: _Point, tried: _Point
-) -> tuple[_Point, _Point]:
-    """Return the ends of the interval that holds the minimum (their section 2).
+@dataclass(frozen=True, slots=True)
+class _Ends:
+    """The interval: its best end, the other one, and whether a minimum lies between them."""
 
-    The first two points are what is compared, the value itself or psi; the last three are kept.
-    """
-    if new[1] > low[1]:
-        return best, tried
-    if new[2] * low[2] < 0.0:
-        return tried, best
-    return tried, other
+    best: LinePoint
+    other: LinePoint
+    is_closed: bool
 
+    @property
+    def width(self) -> float:
+        return abs(self.other.length - self.best.length)
 
-def _trial(low: _Point, high: _Point, tried: _Point, bracketed: bool) -> tuple[float, bool]:
-    """Return the next length, and whether a minimum is bracketed (section 4, four cases)."""
-    (a, fa, ga), (b, fb, gb), (t, ft, gt) = low, high, tried
-    if ft > fa:
-        cubic = _cubic(a, fa, ga, t, ft, gt)
-        square = a + 0.5 * ga * (t - a) / ((fa - ft) / (t - a) + ga)
-        nearer = abs(cubic - a) < abs(square - a)
-        return (cubic if nearer else cubic + 0.5 * (square - cubic)), True
-    if gt * ga < 0.0:
-        cubic = _cubic(a, fa, ga, t, ft, gt)
-        secant = t + gt / (gt - ga) * (a - t)
-        return (cubic if abs(cubic - t) > abs(secant - t) else secant), True
-    if abs(gt) < abs(ga):
-        secant = t + gt / (gt - ga) * (a - t)
-        if not bracketed:
-            return secant, False
-        cubic = _cubic(a, fa, ga, t, ft, gt)
-        inside = min(a, b) <= cubic <= max(a, b)
-        chosen = cubic if inside and abs(cubic - t) < abs(secant - t) else secant
-        edge = t + 0.66 * (b - t)
-        return (min(edge, chosen) if t > a else max(edge, chosen)), True
-    if bracketed:
-        return _cubic(b, fb, gb, t, ft, gt), True
-    return (math.inf if t > a else 0.0), False
+    def with_trial(self, here: LinePoint, tilt: float) -> "tuple[float, _Ends]":
+        """Return the next length to try, and the interval after this trial.
+
+        Values are compared less ``tilt`` times their lengths: those of f for 0, else of psi.
+        """
+        best, other, tried = (_tilted(point, tilt) for point in (self.best, self.other, here))
+        if tried.value > best.value:
+            return _rising(best, tried), _Ends(self.best, here, True)
+        if tried.slope * best.slope < 0.0:
+            return _turning(best, tried), _Ends(here, self.best, True)
+        ends = _Ends(here, self.other, self.is_closed)
+        if self.is_closed:
+            return _falling_inside(best, other, tried), ends
+        return _falling_outside(best, tried), ends
 
 
-def _cubic(a: float, fa: float, ga: float, b: float, fb: float, gb: float) -> float:
-    """Return the minimum of the cubic through two values and two slopes."""
-    if a == b:
-        return a
-    z = 3.0 * (fa - fb) / (b - a) + ga + gb
-    root = math.copysign(math.sqrt(max(z * z - ga * gb, 0.0)), b - a)
-    below = gb - ga + 2.0 * root
-    if below == 0.0:
-        return 0.5 * (a + b)
-    return b - (b - a) * (gb + root - z) / below
+def _tilted(point: LinePoint, tilt: float) -> LinePoint:
+    return LinePoint(point.length, point.value - tilt * point.length, point.slope - tilt)
+
+
+def _rising(best: LinePoint, tried: LinePoint) -> float:
+    """Case 1: a higher value, so the minimum lies between."""
+    width = tried.length - best.length
+    cubic = cubic_bottom(best, tried)
+    bend = (best.value - tried.value) / width + best.slope
+    square = best.length + 0.5 * best.slope / bend * width
+    if abs(cubic - best.length) < abs(square - best.length):
+        return cubic
+    return 0.5 * (cubic + square)
+
+
+def _turning(best: LinePoint, tried: LinePoint) -> float:
+    """Case 2: a lower value where the slope has turned round: the minimum lies between."""
+    cubic, secant = cubic_bottom(best, tried), _secant(best, tried)
+    return cubic if abs(cubic - tried.length) >= abs(secant - tried.length) else secant
+
+
+def _falling_outside(best: LinePoint, tried: LinePoint) -> float:
+    """Cases 3 and 4 without an interval yet: go on, at most four times as far as last time."""
+    stride = tried.length - best.length
+    nearest, farthest = (tried.length + factor * stride for factor in _STRIDE)
+    if abs(tried.slope) >= abs(best.slope):
+        return farthest
+    cubic = cubic_bottom(best, tried)
+    if not cubic > tried.length:
+        cubic = farthest
+    return min(max(cubic, _secant(best, tried), nearest), farthest)
+
+
+def _falling_inside(best: LinePoint, other: LinePoint, tried: LinePoint) -> float:
+    """Cases 3 and 4 within an interval: towards its other end, but not quite as far."""
+    if abs(tried.slope) >= abs(best.slope):
+        return cubic_bottom(tried, other)
+    secant, cubic = _secant(best, tried), cubic_bottom(best, tried)
+    is_beyond = (cubic - tried.length) * (tried.length - best.length) > 0.0
+    is_nearer = abs(cubic - tried.length) < abs(secant - tried.length)
+    length = cubic if is_beyond and is_nearer else secant
+    edge = tried.length + _SHRINK * (other.length - tried.length)
+    return min(length, edge) if tried.length > best.length else max(length, edge)
+
+
+def _secant(one: LinePoint, other: LinePoint) -> float:
+    """Return the length at which a slope that changes evenly is zero."""
+    share = other.slope / (other.slope - one.slope)
+    return other.length - share * (other.length - one.length)

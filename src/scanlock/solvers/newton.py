@@ -68,7 +68,7 @@ class Newton:
             gradient = quadratic.gradient / scale
             if np.linalg.norm(gradient) < self.stopping.gradient:
                 return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
-            step, predicted = _trust_step(
+            step, predicted = trust_step(
                 gradient, quadratic.hessian / np.outer(scale, scale), radius
             )
             step_norm = float(np.linalg.norm(step))
@@ -88,7 +88,8 @@ class Newton:
         return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
 
     def _next_radius(self, radius: float, step_norm: float, gain: float) -> float:
-        if gain < 0.25:
+        # Put so that a value that is no number shortens the next step too.
+        if not gain >= 0.25:
             return 0.25 * step_norm
         if gain > 0.75 and step_norm > 0.8 * radius:
             return min(2.0 * radius, self.largest_radius)
@@ -99,7 +100,7 @@ def _norm(quadratic: Quadratic, scale: Vector) -> float:
     return float(np.linalg.norm(quadratic.gradient / scale))
 
 
-def _trust_step(gradient: Vector, hessian: Matrix, radius: float) -> tuple[Vector, float]:
+def trust_step(gradient: Vector, hessian: Matrix, radius: float) -> tuple[Vector, float]:
     """Return the step within `radius` for the repaired Hessian, and its predicted decrease."""
     eigenvalues, axes = np.linalg.eigh(hessian)
     magnitudes = np.abs(eigenvalues)
