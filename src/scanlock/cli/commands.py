@@ -123,6 +123,15 @@ Examples:
   scanlock simulate forest -o forest --sensor os1-64 --format pcd
 """,
     ),
+    "settings": Command(
+        path="scanlock.cli.settings:settings",
+        help="Print every setting of a method as TOML.",
+        epilogue="""\
+Examples:
+  scanlock settings gicp
+  scanlock settings sgc-ndt-p2d -o mine.toml
+""",
+    ),
     "warmup": Command(
         path="scanlock.cli.warm_up:warm_up",
         help="Compile everything now, so that no later command has to.",

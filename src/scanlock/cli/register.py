@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from scanlock.cli.choices import DofName, Flag, MethodName, OutputFile
 from scanlock.cli.reading import LoadedScan, Reading
+from scanlock.errors import InvalidInput
 
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
@@ -19,7 +20,8 @@ def register(
     scene: Path,
     /,
     *,
-    method: MethodName = "sgc-ndt-d2d",
+    method: MethodName | None = None,
+    settings: Path | None = None,
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
     output: OutputFile = None,
@@ -37,7 +39,9 @@ def register(
     scene : Path
         The scan that moves.
     method : str
-        How to register.
+        How to register; sgc-ndt-d2d by default.
+    settings : Path
+        A method with settings of your own: TOML as scanlock settings prints it.
     initial : Path
         Pose to start from (4x4 matrix in text, .json or .npy); no motion by default.
     dof : str
@@ -67,6 +71,8 @@ def register(
         save_pose,
     )
     from scanlock.cli.screen import print_json, print_line
+    from scanlock.io.settings import read_settings
+    from scanlock.registration.methods import DEFAULT_METHOD
     from scanlock.registration.register import register as registered
 
     if output is not None:
@@ -74,7 +80,10 @@ def register(
         require_apart(output, (reference, scene))
     if picture is not None:
         require_picture(picture)
+    if settings is not None and method is not None:
+        raise InvalidInput("give either --method or --settings: the settings name their method")
     begin = time.perf_counter()
+    chosen = (method or DEFAULT_METHOD) if settings is None else read_settings(settings)
     start = None if initial is None else _read_initial(initial)
     target, source = ((reading or Reading()).load(path) for path in (reference, scene))
     read_time = time.perf_counter() - begin
@@ -82,7 +91,7 @@ def register(
         result = registered(
             source=source.returns,
             target=target.returns,
-            method=method,
+            method=chosen,
             initial=start,
             dof=dof,
         )
