@@ -1,246 +1,203 @@
-"""The settings of methods as TOML, every default written out, and back again.
+"""Settings of methods as TOML that people can read, change and keep.
 
-A settings dataclass is a table with the name of its class under ``type``; settings inside settings
-are tables inside tables. Only classes that `METHODS` can be made of are ever built from a file.
+A file holds data only: the classes it may name are those of `METHODS` and of the annotations of
+their fields. Keys left out keep their defaults, so a file need not say more than it changes::
+
+    method = "sgc-ndt-d2d"            # or type = "SgcNdt", the class
+    [landmarks]
+    deviation_floor = 0.05            # [m]
+    [schedule.solver]
+    type = "LevenbergMarquardt"       # where there are several to choose from
 """
 
 import dataclasses
-import enum
-import functools
-import json
-import math
+import difflib
 import os
-import sys
 import tomllib
-import types
-import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass
 from pathlib import Path
 from typing import Any
 
 from scanlock.errors import InvalidInput
 from scanlock.io.atomic import atomic_file
 from scanlock.io.faults import read_bytes
+from scanlock.io.settings_text import NONE, settings_text
+from scanlock.io.settings_types import Allowed, allowed, annotations_of, default_of
 from scanlock.registration.methods import METHODS, Method
 
-_TYPE = "type"
-_NONE = "none"
-"""Stands for no value, where the default is another one."""
+_CLASS, _METHOD = "type", "method"
+"""Keys that say what a table is of: a class, or at the top a method by its name."""
 
 
 def settings_to_toml(method: Method[Any]) -> str:
-    """Return all settings of a method as TOML; numbers keep every digit."""
-    lines = list(_table(method, ""))
-    return "\n".join(lines).strip("\n") + "\n"
+    """Return all settings of a method as TOML, with what each is for as a comment.
+
+    Numbers keep every digit. A setting that is None by default, and is None, is a comment.
+
+    Raises
+    ------
+    InvalidInput
+        Settings of a class that `settings_from_toml` would not know.
+    """
+    known = {type(one) for one in METHODS.values()}
+    if type(method) not in known:
+        names = " or ".join(sorted(kind.__name__ for kind in known))
+        raise InvalidInput(f"only {names} can be written, got {type(method).__name__}")
+    return settings_text(method)
+
+
+def write_settings(path: str | os.PathLike[str], method: Method[Any]) -> None:
+    """Write all settings of a method as `settings_to_toml` has them."""
+    text = settings_to_toml(method)
+    with atomic_file(path) as handle:
+        handle.write(text.encode())
+
+
+def read_settings(path: str | os.PathLike[str]) -> Method[Any]:
+    """Return the method that a file describes.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is no such file.
+    FormatError
+        It is a folder, or empty.
+    InvalidInput
+        As for `settings_from_toml`.
+    """
+    path = Path(path)
+    try:
+        text = read_bytes(path, "settings").decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InvalidInput(f"{path}: not TOML: byte {error.start} is no text in UTF-8") from error
+    return settings_from_toml(text, str(path))
 
 
 def settings_from_toml(text: str, source: str = "settings") -> Method[Any]:
-    """Return the method that a text of TOML describes; what is left out has its default.
+    """Return the method that a text in TOML describes.
 
     Parameters
     ----------
     text : str
-        As `settings_to_toml` writes it; at least ``type = "SgcNdt"``.
     source : str
         What to call the text in errors.
 
     Raises
     ------
     InvalidInput
-        No TOML, an unknown class or key, a value of the wrong kind or out of range; says which
-        key, and what would do.
+        No TOML, an unknown key, a value of the wrong type or out of range: says which, and what
+        is allowed.
     """
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InvalidInput(f"{source}: not TOML: {error}") from error
-    roots = {type(method).__name__: type(method) for method in METHODS.values()}
-    return _built(content, tuple(roots.values()), source, "")
+    place = _Place(source)
+    if _METHOD not in content:
+        kinds = {type(method) for method in METHODS.values()}
+        return _settings(content, _class(content, kinds, None, place), None, place)
+    name = content.pop(_METHOD)
+    if not isinstance(name, str) or name not in METHODS:
+        raise place.inside(_METHOD).fault(_choice(name, METHODS))
+    if _CLASS in content:
+        raise place.inside(_CLASS).fault(f"repeats what {_METHOD} says; leave one of them out")
+    return _settings(content, type(METHODS[name]), METHODS[name], place)
 
 
-def write_settings(path: str | os.PathLike[str], method: Method[Any]) -> None:
-    """Write all settings of a method as TOML."""
-    with atomic_file(path) as handle:
-        handle.write(settings_to_toml(method).encode())
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where in which file a value stands."""
+
+    source: str
+    path: str = ""
+
+    def inside(self, key: str) -> "_Place":
+        return _Place(self.source, f"{self.path}.{key}" if self.path else key)
+
+    def item(self, index: int) -> "_Place":
+        return _Place(self.source, f"{self.path}[{index}]")
+
+    def fault(self, text: str) -> InvalidInput:
+        return InvalidInput(f"{self.source}: {self.path} {text}")
+
+    def fault_inside(self, text: str) -> InvalidInput:
+        return InvalidInput(": ".join(part for part in (self.source, self.path, text) if part))
 
 
-def read_settings(path: str | os.PathLike[str]) -> Method[Any]:
-    """Return the method that a file of TOML describes.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    InvalidInput
-        As `settings_from_toml`.
-    """
-    path = Path(path)
-    try:
-        text = read_bytes(path, "settings").decode()
-    except UnicodeDecodeError as error:
-        raise InvalidInput(f"{path}: not TOML: it is no text in UTF-8") from error
-    return settings_from_toml(text, str(path))
-
-
-def _table(settings: Any, name: str) -> Iterator[str]:
-    """Yield the lines of a table: its own values first, as TOML asks, then tables inside."""
-    if name:
-        yield from ("", f"[{name}]")
-    yield f"{_TYPE} = {json.dumps(type(settings).__name__)}"
-    inside: list[tuple[str, Any]] = []
-    for field in _fields(type(settings)):
-        value = getattr(settings, field.name)
-        if dataclasses.is_dataclass(value):
-            inside.append((field.name, value))
-        elif value is not None:
-            yield f"{field.name} = {_text(value)}"
-        elif _default(field) is not None:
-            yield f"{field.name} = {json.dumps(_NONE)}"
-    for key, value in inside:
-        yield from _table(value, f"{name}.{key}" if name else key)
-
-
-def _text(value: Any) -> str:
-    if dataclasses.is_dataclass(value):
-        parts = [f"{_TYPE} = {json.dumps(type(value).__name__)}"]
-        for field in _fields(type(value)):
-            entry = getattr(value, field.name)
-            if entry is not None:
-                parts.append(f"{field.name} = {_text(entry)}")
-            elif _default(field) is not None:
-                parts.append(f"{field.name} = {json.dumps(_NONE)}")
-        return "{ " + ", ".join(parts) + " }"
-    if isinstance(value, enum.Enum):
-        return _text(value.value)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        # TOML has inf and nan as Python spells them, and asks for a point or an exponent.
-        return repr(value)
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, tuple):
-        entries = [_text(entry) for entry in typing.cast("tuple[Any, ...]", value)]
-        if any(entry.startswith("{") for entry in entries):
-            return "[\n" + "".join(f"  {entry},\n" for entry in entries) + "]"
-        return "[" + ", ".join(entries) + "]"
-    raise InvalidInput(f"settings of type {type(value).__name__} cannot be written as TOML")
-
-
-def _built(content: Any, classes: tuple[type, ...], source: str, key: str) -> Any:
-    where = f"{source}: {key}" if key else source
-    if not isinstance(content, Mapping):
-        raise InvalidInput(f"{where} must be a table, got {content!r}")
-    table = dict(typing.cast("Mapping[str, Any]", content))
-    named = {cls.__name__: cls for cls in classes}
-    name = table.pop(_TYPE, next(iter(named)) if len(named) == 1 else None)
-    if not isinstance(name, str) or name not in named:
-        raise InvalidInput(f"{where}: type must be one of {', '.join(named)}, got {name!r}")
-    cls = named[name]
-    hints = _hints(cls)
-    known = [field.name for field in _fields(cls)]
+def _settings(content: dict[str, Any], kind: type, base: object, place: _Place) -> Any:
+    """Return settings of one class; what is left out stays as in `base`, or by default."""
+    annotations = annotations_of(kind)
     values: dict[str, Any] = {}
-    for entry, value in table.items():
-        path = f"{key}.{entry}" if key else entry
-        if entry not in known:
-            raise InvalidInput(
-                f"{source}: {path} is no setting of {name}; it has {', '.join(known)}"
+    for key, given in content.items():
+        if key == _CLASS:
+            continue
+        here = place.inside(key)
+        if key not in annotations:
+            raise here.fault(
+                f"is no setting of {kind.__name__}, which has {', '.join(annotations)}"
+                + _nearest(key, annotations)
             )
-        values[entry] = _value(value, hints[entry], source, path)
-    missing = [field.name for field in _fields(cls) if _is_required(field)]
-    missing = [entry for entry in missing if entry not in values]
-    if missing:
-        raise InvalidInput(f"{where}: {name} needs a value for {', '.join(missing)}")
+        default = default_of(kind, key, base)
+        values[key] = _value(given, allowed(annotations[key]), default, here)
+    for key, annotation in annotations.items():
+        if key not in values and default_of(kind, key, base) is MISSING:
+            raise place.fault_inside(f"{kind.__name__} needs {key}, {allowed(annotation)}")
     try:
-        return cls(**values)
+        if type(base) is kind:
+            return dataclasses.replace(base, **values)  # pyright: ignore[reportArgumentType, reportUnknownVariableType]
+        return kind(**values)
     except InvalidInput as error:
-        raise InvalidInput(f"{where}: {error}") from error
+        raise place.fault_inside(str(error)) from error
 
 
-def _value(value: Any, hint: Any, source: str, key: str) -> Any:
-    options = _options(hint)
-    tables = tuple(option for option in options if dataclasses.is_dataclass(option))
-    if tables and isinstance(value, Mapping):
-        return _built(typing.cast("Any", value), typing.cast("Any", tables), source, key)
-    for option in options:
-        if option is type(None) and value == _NONE:
+def _value(given: Any, allows: Allowed, base: object, place: _Place) -> Any:
+    """Return the value of a field that a file gives."""
+    if isinstance(given, dict) and allows.classes:
+        content: dict[str, Any] = given
+        kind = _class(content, set(allows.classes), base, place)
+        return _settings(content, kind, base, place)
+    if isinstance(given, list):
+        items: list[Any] = given
+        for kinds in allows.tuples:
+            if ... in kinds or len(kinds) == len(items):
+                return tuple(
+                    _value(item, allowed(kinds[0]), None, place.item(index))
+                    for index, item in enumerate(items)
+                )
+    if isinstance(given, str):
+        if given == NONE and allows.is_optional:
             return None
-        found = _plain(value, option, source, key)
-        if found is not None:
-            return found[0]
-    wanted = ", ".join(_spelled(option) for option in options)
-    raise InvalidInput(f"{source}: {key} must be {wanted}, got {value!r}")
+        for members in (kind.__members__ for kind in allows.enums):
+            if given in members:
+                return members[given]
+    if allows.takes(given):
+        return given
+    if type(given) is int and float in allows.scalars:
+        return float(given)
+    raise place.fault(f"must be {allows}, got {given!r}")
 
 
-def _plain(value: Any, option: Any, source: str, key: str) -> tuple[Any] | None:
-    """Return the value as an option has it, in a tuple, or None where it does not fit."""
-    origin = typing.get_origin(option)
-    if origin is typing.Literal:
-        return (value,) if value in typing.get_args(option) else None
-    if origin is tuple and isinstance(value, list):
-        entries = typing.cast("list[Any]", value)
-        kinds = typing.get_args(option)
-        repeated = len(kinds) == 2 and kinds[1] is Ellipsis
-        if not repeated and len(kinds) != len(entries):
-            return None
-        return (
-            tuple(
-                _value(entry, kinds[0] if repeated else kinds[k], source, f"{key}[{k}]")
-                for k, entry in enumerate(entries)
-            ),
-        )
-    if isinstance(option, type) and issubclass(option, enum.Enum):
-        return next(((member,) for member in option if member.value == value), None)
-    if isinstance(value, bool):
-        return (value,) if option is bool else None
-    if option is float and isinstance(value, (int, float)) and not math.isnan(value):
-        return (float(value),)
-    return (value,) if option in (int, str) and isinstance(value, option) else None
+def _class(content: dict[str, Any], kinds: set[type], base: object, place: _Place) -> type:
+    """Return the class that a table names; where it names none, the only or the default one."""
+    names = {kind.__name__: kind for kind in sorted(kinds, key=lambda kind: kind.__name__)}
+    if _CLASS in content:
+        name = content[_CLASS]
+        if not isinstance(name, str) or name not in names:
+            raise place.inside(_CLASS).fault(_choice(name, names))
+        return names[name]
+    if type(base) in kinds:
+        return type(base)
+    if len(kinds) > 1:
+        raise place.inside(_CLASS).fault(f"must be given: one of {', '.join(names)}")
+    return next(iter(kinds))
 
 
-def _options(hint: Any) -> tuple[Any, ...]:
-    """Return the members of a union, the settings that keep a protocol, or the one type."""
-    if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return tuple(option for member in typing.get_args(hint) for option in _options(member))
-    if getattr(hint, "_is_protocol", False):
-        # Settings live beside the protocol that they keep.
-        asked = [name for name in vars(hint) if not name.startswith("_")]
-        beside = vars(sys.modules[hint.__module__]).values()
-        return tuple(
-            one
-            for one in beside
-            if isinstance(one, type)
-            and dataclasses.is_dataclass(one)
-            and all(hasattr(one, name) for name in asked)
-        )
-    return (hint,)
+def _choice(given: object, choices: Mapping[str, Any]) -> str:
+    """Return what is wrong with a name that is not among others."""
+    return f"must be one of {', '.join(choices)}, got {given!r}{_nearest(str(given), choices)}"
 
 
-def _spelled(option: Any) -> str:
-    if typing.get_origin(option) is typing.Literal:
-        return " or ".join(repr(choice) for choice in typing.get_args(option))
-    if typing.get_origin(option) is tuple:
-        return "a list"
-    if option is type(None):
-        return repr(_NONE)
-    names = {float: "a number", int: "a whole number", bool: "true or false", str: "text"}
-    return names.get(option, f"a table of type {getattr(option, '__name__', option)}")
-
-
-def _fields(cls: Any) -> list[dataclasses.Field[Any]]:
-    return [field for field in dataclasses.fields(cls) if field.init]
-
-
-def _is_required(field: "dataclasses.Field[Any]") -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-
-
-def _default(field: "dataclasses.Field[Any]") -> Any:
-    return None if field.default is dataclasses.MISSING else field.default
-
-
-@functools.cache
-def _hints(cls: type) -> Mapping[str, Any]:
-    return typing.get_type_hints(cls)
+def _nearest(word: str, choices: Iterable[str]) -> str:
+    near = difflib.get_close_matches(word, choices, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
