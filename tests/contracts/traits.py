@@ -74,9 +74,10 @@ TRAITS: dict[str, Traits] = {
     # D2D is stationary at identity and symmetric under exchange, exactly.
     "sgc-ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True),
     "sgc-ndt-p2d": Traits(motions=FAR_MOTIONS),
-    # A return of either scan that has a partner far out is a pair like any other, on a long lever.
-    "gicp": Traits(uses_ground=True, is_local=False),
-    "vgicp": Traits(uses_ground=True, is_local=False, keeps_corridors=False),
+    "gicp": Traits(uses_ground=True),
+    "vgicp": Traits(uses_ground=True),
+    # The mean and the spread of all pairs set the gate.
+    "icp": Traits(uses_ground=True, is_local=False),
 }
 
 

@@ -13,6 +13,8 @@ from scanlock.registration.register import register
 from scanlock.registration.result import Status
 
 _METHODS = st.sampled_from(sorted(METHODS))
+_BLURRED = st.sampled_from(["sgc-ndt-d2d", "sgc-ndt-p2d"])
+"""Methods that blur the score, and so have a basin that is known beforehand."""
 
 
 @cache
@@ -31,7 +33,7 @@ def _motions(draw, metres, radians):
     )
 
 
-@given(method=_METHODS, motion=_motions(4.0, 0.5))
+@given(method=_BLURRED, motion=_motions(4.0, 0.5))
 @settings(max_examples=15)
 def test_a_motion_within_the_basin_is_recovered_and_trusted(method, motion):
     # Half the basin that the widest blur promises. Bounds as in the contracts, doubled in

@@ -7,6 +7,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.gicp import Gicp
+from scanlock.registration.icp import Icp
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.solvers.solution import Solution
 
@@ -57,6 +58,7 @@ METHODS: dict[str, Method[Any]] = {
     "sgc-ndt-p2d": SgcNdt(score="p2d"),
     "gicp": Gicp(),
     "vgicp": Gicp(meeting="voxel"),
+    "icp": Icp(),
 }
 """Each method by name, with its default settings."""
 

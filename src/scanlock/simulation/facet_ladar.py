@@ -130,7 +130,7 @@ class FacetLadar:
         return self.rows // self.facets
 
     def elevations(self) -> Vector:
-        """Return how far up each row looks, (rows,) [rad]."""
+        """Return how far up each row looks, one a row [rad]."""
         nominal = self.height * (0.5 - (np.arange(self.rows) + 0.5) / self.rows)
         return nominal + np.repeat(self.facet_offsets, self.rows_per_facet)
 
@@ -139,7 +139,7 @@ class FacetLadar:
         return self.width * (0.5 - (np.arange(self.columns) + 0.5) / self.columns)
 
     def directions(self) -> NDArray[np.float64]:
-        """Return the unit vectors (rows, columns, 3) of an image in the frame of the ladar."""
+        """Return the unit vectors (r, c, 3) of an image in the frame of the ladar."""
         elevation, azimuth = np.meshgrid(self.elevations(), self.azimuths(), indexing="ij")
         level = np.cos(elevation)
         return np.stack(
@@ -176,7 +176,7 @@ def points_from_ranges(
 
     Parameters
     ----------
-    ranges : (rows, columns) [m]
+    ranges : (r, c) [m]
         Readings; empty where not finite or not positive.
     ladar, mount : FacetLadar, PanTiltMount
         Angles and calibration of the ladar, and where it is fixed.
@@ -185,7 +185,7 @@ def points_from_ranges(
 
     Returns
     -------
-    (rows, columns, 3) [m]
+    (r, c, 3) [m]
         NaN where the image is empty.
 
     Raises

@@ -27,7 +27,7 @@ class LadarScan(SimulatedScan):
 
     Attributes
     ----------
-    ranges : (rows, columns) [m]
+    ranges : (r, c) [m]
         Readings of the ladar; NaN where nothing came back.
     pan, tilt : float [rad]
         Readings of the platform, which holds still during a frame.
