@@ -102,6 +102,20 @@ Maps of the same scans can be compared, no others.
 
 {_READING}""",
     ),
+    "compare": Command(
+        path="scanlock.cli.compare:compare",
+        help="Register pairs by several methods: errors, and how far away they may start.",
+        epilogue=f"""\
+Examples:
+  scanlock compare reference.bin scene.bin --truth pose.txt
+  scanlock compare drive --methods gicp sgc-ndt-d2d --every 10 --pairs 5
+  scanlock compare drive --agree --starts 3 --distances 0 2 5 --angles 0 30
+
+A folder's own poses (scanlock simulate, Ford Campus, KITTI odometry) are taken
+for true, if it has any.
+
+{_READING}""",
+    ),
     "reproduce": Command(
         path="scanlock.cli.reproduce:reproduce",
         help="Run an experiment of the SGC-NDT paper, and set our numbers beside its own.",

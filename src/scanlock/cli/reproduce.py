@@ -1,8 +1,6 @@
 """``scanlock reproduce``: an experiment of a paper, our numbers beside its own."""
 
-import math
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
@@ -10,11 +8,8 @@ from cyclopts import Parameter
 from scanlock.errors import InvalidInput, require_count
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from scanlock.experiments.experiment import Experiment, Findings, Outcome
+    from scanlock.experiments.experiment import Experiment, Findings
     from scanlock.experiments.series import ScanSeries
-    from scanlock.pipelines.study import StudyRecord
 
 ExperimentName = Literal["urban", "forest"]
 
@@ -54,6 +49,8 @@ def reproduce(
     from scanlock.cli.compiling import compile_watch
     from scanlock.cli.progress import progress
     from scanlock.cli.screen import print_line, print_title, waiting
+    from scanlock.cli.standings import show_errors
+    from scanlock.experiments.pairwise import SOLVED
     from scanlock.experiments.reproduce import EXPERIMENTS
     from scanlock.experiments.reproduce import reproduce as reproduced
     from scanlock.report.canvas import require_figures
@@ -69,7 +66,8 @@ def reproduce(
             series = _series(chosen, scans, seed, data, poses)
         done = reproduced(chosen, series, folder, progress)
     print_title(f"{chosen.title}: {series.title}")
-    _show_methods(done.outcome, done.findings)
+    voxels = {name: len(points) for name, points in done.findings.maps.items()}
+    show_errors(done.outcome.records, SOLVED, voxels=voxels)
     _show_claims(done.findings)
     print_line(f"wrote {done.page} and all that it leads to")
 
@@ -84,40 +82,6 @@ def _series(
     if poses is not None:
         raise InvalidInput("--poses belongs to --data; simulated scans have exact poses")
     return experiment.simulated(scans or experiment.scans, seed)
-
-
-def _show_methods(outcome: "Outcome", findings: "Findings") -> None:
-    from scanlock.cli.screen import print_table
-    from scanlock.experiments.pairwise import rotation_errors_deg, translation_errors
-
-    heads = ("method", "solved", "median [m]", "median [deg]", "voxels", "ms a pair")
-    print_table(
-        heads,
-        [
-            [
-                name,
-                _solved(records, known=bool(outcome.series.truth)),
-                _median(translation_errors(records).tolist(), ".3f"),
-                _median(rotation_errors_deg(records).tolist(), ".3f"),
-                f"{len(findings.maps[name]):,}" if name in findings.maps else "-",
-                _median([1e3 * record.seconds for record in records], ".0f"),
-            ]
-            for name, records in outcome.records.items()
-        ],
-    )
-
-
-def _solved(records: "Sequence[StudyRecord]", *, known: bool) -> str:
-    from scanlock.experiments.pairwise import SOLVED
-
-    if not known:
-        return "-"
-    return f"{sum(SOLVED.hold(record) for record in records)} / {len(records)}"
-
-
-def _median(values: "Iterable[float]", form: str) -> str:
-    kept = [value for value in values if not math.isnan(value)]
-    return format(median(kept), form) if kept else "-"
 
 
 def _show_claims(findings: "Findings") -> None:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from scanlock.arrays import Vector
 from scanlock.experiments.series import ScanSeries
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.starts import FromIdentity, StartPlan
-from scanlock.pipelines.study import StudyRecord
+from scanlock.pipelines.study import StudyPair, StudyRecord
 from scanlock.registration.methods import Method
 from scanlock.report.tables import Table
 
@@ -94,6 +95,9 @@ class Findings:
     trajectories: Mapping[str, Sequence[Pose]] = field(default_factory=dict[str, Sequence[Pose]])
     """first_from_scan of each scan, by what found it."""
 
+    times: Vector = field(default_factory=lambda: np.zeros(0))
+    """Of the scans, for the trajectories [s]."""
+
     maps: Mapping[str, NDArray[np.float32]] = field(default_factory=dict[str, NDArray[np.float32]])
     """Points in the frame of the first scan, by the trajectory that laid them [m]."""
 
@@ -104,6 +108,9 @@ class Outcome:
 
     series: ScanSeries
     """What was registered."""
+
+    pairs: Sequence[StudyPair]
+    """Which scans with which."""
 
     records: Mapping[str, Sequence[StudyRecord]]
     """By contender, one record a pair and start, in the order of the scans."""

@@ -63,6 +63,7 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
             Section(title="What the paper concludes", claims=_claims(outcome, counts)),
         ],
         trajectories=tracks,
+        times=outcome.series.times,
         maps=laid.points,
     )
 

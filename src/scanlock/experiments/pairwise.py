@@ -76,6 +76,13 @@ def rotation_errors_deg(records: Sequence[StudyRecord]) -> Vector:
     return np.degrees([record.rotation_error for record in records])
 
 
+ERROR_PANELS = (
+    ("absolute translation error [m]", translation_errors),
+    ("absolute rotation error [°]", rotation_errors_deg),
+)
+"""Panels of Figure 3."""
+
+
 def error_table(outcome: Outcome, limits: Limits = SOLVED) -> Table:
     """Return how near each contender comes: the boxes of the box plots as numbers."""
     columns = [
@@ -107,7 +114,7 @@ def error_table(outcome: Outcome, limits: Limits = SOLVED) -> Table:
 
 def pair_table(outcome: Outcome) -> Table:
     """Return every registration, one a row."""
-    pairs = {pair.name: pair for pair in outcome.series.pairs()}
+    pairs = {pair.name: pair for pair in outcome.pairs}
     columns = [
         Column("method"),
         Column("target"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scanlock.experiments.experiment import Experiment, Findings, Outcome, Watch, unwatched
 from scanlock.experiments.forest import FOREST
-from scanlock.experiments.page import write_findings
+from scanlock.experiments.page import preface, write_findings
 from scanlock.experiments.series import ScanSeries
 from scanlock.experiments.urban import URBAN
 from scanlock.io.records import stored_records
@@ -59,17 +59,20 @@ def reproduce(
         Matplotlib is not installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
+    pairs = series.pairs()
     study = Study(
         methods={one.name: one.method for one in experiment.contenders},
-        pairs=series.pairs(),
+        pairs=pairs,
         load=series.load,
         starts=experiment.starts,
     )
     records = stored_records(folder / RECORDS, study, series.key)
     done = list(watch(records, len(study), "registering"))
-    outcome = Outcome(series=series, records=_by_contender(experiment, done))
+    outcome = Outcome(series=series, pairs=pairs, records=_by_contender(experiment, done))
     findings = experiment.examine(outcome, watch)
-    return Reproduction(outcome, findings, write_findings(folder, experiment, outcome, findings))
+    introduction = preface(experiment, series)
+    page = write_findings(folder, experiment.title, introduction, study.methods, findings)
+    return Reproduction(outcome, findings, page)
 
 
 def _by_contender(

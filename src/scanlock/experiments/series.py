@@ -3,7 +3,6 @@
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -41,7 +40,7 @@ class ScanSeries:
     title : str
         What they are, in a phrase.
     origin : str
-        Where they come from, for whoever wants the same ones.
+        How to make or where to find the same ones; empty where the title says it.
     key : str
         What decides their points besides their names.
     names : tuple of str
@@ -72,14 +71,24 @@ class ScanSeries:
                 f"{len(self.times)} and {len(self.truth)}"
             )
 
-    def pairs(self) -> list[StudyPair]:
-        """Return each scan with the next: the earlier stays, the later moves."""
-        steps: list[Pose | None] = [None] * (len(self.names) - 1)
-        if self.truth:
-            steps = [before.inverse() @ after for before, after in pairwise(self.truth)]
+    def pairs(self, apart: int = 1) -> list[StudyPair]:
+        """Return each scan with one some scans later: the earlier stays, the later moves.
+
+        Raises
+        ------
+        InvalidInput
+            There are no two scans so far apart.
+        """
+        require_count("apart", apart)
+        if apart >= len(self.names):
+            raise InvalidInput(f"apart must be below the {len(self.names)} scans, got {apart}")
         return [
-            StudyPair(target=target, source=source, truth=step)
-            for (target, source), step in zip(pairwise(self.names), steps, strict=True)
+            StudyPair(
+                target=self.names[row],
+                source=self.names[row + apart],
+                truth=self.truth[row].inverse() @ self.truth[row + apart] if self.truth else None,
+            )
+            for row in range(len(self.names) - apart)
         ]
 
     def true_trajectory(self) -> list[Pose]:
@@ -118,7 +127,7 @@ def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: i
         return sequence[int(name) * every].deskewed().astype(np.float32)
 
     return ScanSeries(
-        title=f"{scans} simulated scans of an {spoken.upper()}, every {every}th sweep of a drive "
+        title=f"{scans} simulated scans of an {spoken.upper()}, {which(every, 'sweep')} of a drive "
         f"through a {scene}",
         origin=f"scanlock simulate {scene} --sensor {spoken} --scans {scans} --every {every} "
         f"--seed {seed}",
@@ -158,21 +167,48 @@ def recorded_series(
     taken = open_sequence(folder, poses).taken(every, scans)
     if len(taken) < 2:
         raise InvalidInput(
-            f"every {every}th scan of {folder} leaves {len(taken)}, and two are needed; take more "
-            "of them"
+            f"{which(every)} of {folder} leaves {len(taken)}, and two are needed; take more of them"
         )
-    rows = {name: row for row, name in enumerate(taken.names)}
     kind = f"{folder.resolve().name} ({taken.title})"
+    return series_of(taken, title=f"{len(taken)} scans, {which(every)} of {kind}")
+
+
+def series_of(
+    sequence: ScanSequence, *, title: str, origin: str = "", variant: str = ""
+) -> ScanSeries:
+    """Return the scans of a sequence as a series.
+
+    Parameters
+    ----------
+    sequence : ScanSequence
+    title, origin : str
+        See `ScanSeries`.
+    variant : str
+        What decides how the files are read, where it is more than the files themselves.
+    """
+    names = sequence.names
+    if len(set(names)) < len(names):
+        names = tuple(f"{path.parent.name}/{path.stem}" for path in sequence.paths)
+    rows = {name: row for row, name in enumerate(names)}
     return ScanSeries(
-        title=f"{len(taken)} scans, every {every}th of {kind}",
-        origin=kind,
-        key=_digest(taken),
-        names=taken.names,
-        times=taken.times.copy(),
-        load=lambda name: taken.scan(rows[name]),
-        truth=taken.poses,
-        truth_kind="given" if taken.poses else "unknown",
+        title=title,
+        origin=origin,
+        key=f"{_digest(sequence)} {variant}",
+        names=names,
+        times=sequence.times.copy(),
+        load=lambda name: sequence.scan(rows[name]),
+        truth=sequence.poses,
+        truth_kind="given" if sequence.poses else "unknown",
     )
+
+
+def which(every: int, what: str = "scan") -> str:
+    """Return "every scan", "every 2nd scan" and so on."""
+    if every == 1:
+        return f"every {what}"
+    teens = every % 100 in (11, 12, 13)
+    ending = "th" if teens else {1: "st", 2: "nd", 3: "rd"}.get(every % 10, "th")
+    return f"every {every}{ending} {what}"
 
 
 def _digest(sequence: ScanSequence) -> str:

@@ -21,13 +21,12 @@ from scanlock.experiments.experiment import (
 )
 from scanlock.experiments.maps import lay_maps
 from scanlock.experiments.pairwise import (
+    ERROR_PANELS,
     SOLVED,
     TRUTH,
     error_table,
     pair_table,
-    rotation_errors_deg,
     tracks_of,
-    translation_errors,
 )
 from scanlock.experiments.paper_methods import D2D, G_ICP, ICP, NDT, P2D, urban_contenders
 from scanlock.experiments.series import ScanSeries, simulated_series
@@ -69,6 +68,7 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
             Section(title="The maps", figures={"maps": map_figure(laid.drawn)}),
         ],
         trajectories=tracks,
+        times=outcome.series.times,
         maps=laid.points,
     )
 
@@ -80,10 +80,7 @@ def _accuracy(outcome: Outcome) -> list[Section]:
         return [Section(title="Accuracy (Figure 3)", text=text, tables=tables)]
     panels = [
         BoxPanel(title, {name: errors(records) for name, records in outcome.records.items()})
-        for title, errors in (
-            ("absolute translation error [m]", translation_errors),
-            ("absolute rotation error [°]", rotation_errors_deg),
-        )
+        for title, errors in ERROR_PANELS
     ]
     text = (
         f"A pair is solved within {SOLVED} of its true "

@@ -155,6 +155,7 @@ def _line(key: str, record: StudyRecord) -> bytes:
         "start_pose": _rows(record.start),
         "pose": _rows(record.pose),
         "evaluations": record.evaluations,
+        "centre_m": list(record.centre),
         "notes": list(record.notes),
     }
     for attribute, name in _NUMBERS.items():
@@ -175,9 +176,15 @@ def _record(content: Mapping[str, Any]) -> StudyRecord:
         start=_pose(content["start_pose"]),
         pose=_pose(content["pose"]),
         evaluations=int(content["evaluations"]),
+        centre=_triple(content["centre_m"]),
         notes=tuple(content["notes"]),
         **numbers,
     )
+
+
+def _triple(numbers: Any) -> tuple[float, float, float]:
+    x, y, z = (float(number) for number in numbers)
+    return x, y, z
 
 
 def _rows(pose: Pose | None) -> list[list[float]] | None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -76,6 +76,8 @@ class StudyRecord:
     translation_error, rotation_error : float [m], [rad]
         How far the pose is from the true one, in the middle of the source; NaN where either is
         missing.
+    centre : tuple of 3 floats [m]
+        The middle of the source: zero in a sensor's frame, the origin taken off map coordinates.
     notes : tuple of str
     seconds : float [s]
         Wall time of preparing and registering the two scans; NaN for a record that was read from
@@ -93,6 +95,7 @@ class StudyRecord:
     mean_distance: float = math.nan
     translation_error: float = math.nan
     rotation_error: float = math.nan
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
     notes: tuple[str, ...] = ()
     seconds: float = field(default=math.nan, compare=False)
 
@@ -107,6 +110,13 @@ class StudyRecord:
         False where the truth is not known.
         """
         return self.translation_error <= translation and self.rotation_error <= rotation
+
+    def judged_by(self, truth: Pose | None) -> "StudyRecord":
+        """Return the record with its errors against another true pose, or against none."""
+        metres, radians = math.nan, math.nan
+        if self.pose is not None and truth is not None:
+            metres, radians = pose_errors(self.pose, truth, np.array(self.centre))
+        return replace(self, translation_error=metres, rotation_error=radians)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -232,25 +242,22 @@ def _recorded(
     centre: Vector,
     seconds: float,
 ) -> StudyRecord:
-    pose = result.target_from_source
-    metres, radians = math.nan, math.nan
-    if pair.truth is not None:
-        metres, radians = pose_errors(pose, pair.truth, centre)
-    return StudyRecord(
+    x, y, z = centre.tolist()
+    record = StudyRecord(
         task=task,
         status=result.status.value,
         reason=result.reason,
         start=start,
-        pose=pose,
+        pose=result.target_from_source,
         overlap=result.overlap,
         score=result.score,
         evaluations=result.iterations,
         mean_distance=_last_distance(result.history),
-        translation_error=metres,
-        rotation_error=radians,
+        centre=(x, y, z),
         notes=result.notes,
         seconds=seconds,
     )
+    return record.judged_by(pair.truth)
 
 
 def _last_distance(history: Sequence[Iteration]) -> float:

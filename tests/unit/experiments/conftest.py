@@ -19,6 +19,7 @@ def outcome_of(series):
         pairs = series.pairs()
         return Outcome(
             series=series,
+            pairs=pairs,
             records={
                 name: [
                     record_of(pair, name, error) for pair, error in zip(pairs, values, strict=True)

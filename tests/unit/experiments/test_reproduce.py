@@ -8,9 +8,11 @@ import pytest
 
 from reference.studies import METHOD, contender
 from scanlock.experiments.experiment import Watch
+from scanlock.experiments.page import file_name
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
 from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
 from scanlock.io import read_kitti_poses, read_scan, read_tum_poses
+from scanlock.io.settings import read_settings
 from scanlock.pipelines import study as study_module
 
 NAMES = (P2D, D2D, G_ICP)
@@ -57,6 +59,12 @@ def test_every_file_that_the_page_names_is_there(done):
         assert (done.page.parent / "tables" / f"{name}.csv").is_file()
     for ending in ("png", "svg"):
         assert (done.page.parent / "figures" / f"maps.{ending}").is_file()
+
+
+def test_settings_can_be_read_back(experiment, done):
+    for one in experiment.contenders:
+        path = done.page.parent / "settings" / f"{file_name(one.name)}.toml"
+        assert read_settings(path) == one.method
 
 
 def test_numbers_of_the_tables_are_those_of_the_records(done, series):

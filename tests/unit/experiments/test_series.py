@@ -6,8 +6,9 @@ import pytest
 
 from scanlock import Pose
 from scanlock.errors import InvalidInput
-from scanlock.experiments.series import recorded_series, simulated_series
+from scanlock.experiments.series import recorded_series, series_of, simulated_series, which
 from scanlock.io import read_scan, write_kitti_poses, write_scan
+from scanlock.io.sequences import ScanSequence
 
 
 def test_pairs_are_neighbours_with_their_true_motion(series):
@@ -20,6 +21,16 @@ def test_pairs_are_neighbours_with_their_true_motion(series):
     for row, pair in enumerate(pairs):
         moved = series.truth[row] @ pair.truth
         assert moved.is_close(series.truth[row + 1], translation=1e-12, rotation=1e-7)
+
+
+def test_pairs_may_lie_farther_apart(series):
+    pairs = series.pairs(apart=2)
+    assert [pair.name for pair in pairs] == ["scan0 scan2", "scan1 scan3"]
+    assert (series.truth[1] @ pairs[1].truth).is_close(
+        series.truth[3], translation=1e-12, rotation=1e-7
+    )
+    with pytest.raises(InvalidInput, match="apart must be below the 4 scans"):
+        series.pairs(apart=4)
 
 
 def test_the_true_trajectory_begins_at_the_first_scan(series):
@@ -91,6 +102,33 @@ def test_other_points_are_another_series(folder):
     assert recorded_series(folder, every=2).key != before
 
 
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    paths = tuple(tmp_path / place / "scan.npy" for place in ("one", "two"))
+    for number, path in enumerate(paths):
+        path.parent.mkdir()
+        write_scan(path, np.full((3, 3), float(number)))
+    sequence = ScanSequence("files", paths, np.arange(2.0), (), lambda path: read_scan(path).points)
+    series = series_of(sequence, title="t", origin="o")
+    assert series.names == ("one/scan", "two/scan")
+    assert np.asarray(series.load("two/scan"))[0, 0] == 1.0
+    other = series_of(sequence, title="t", origin="o", variant="4 columns")
+    assert other.key != series.key
+
+
 def test_too_few_scans_say_what_to_do(folder):
     with pytest.raises(InvalidInput, match="take more of them"):
         recorded_series(folder, every=5)
+
+
+@pytest.mark.parametrize(
+    ("every", "words"),
+    [
+        (1, "every scan"),
+        (2, "every 2nd scan"),
+        (13, "every 13th scan"),
+        (21, "every 21st scan"),
+        (50, "every 50th scan"),
+    ],
+)
+def test_every_kth_is_said_in_english(every, words):
+    assert which(every) == words

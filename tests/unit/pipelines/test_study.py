@@ -136,6 +136,13 @@ def test_map_coordinates_are_told_apart_in_the_middle_of_the_source(scans):
     study = _study({name: scan + far for name, scan in scans.items()}, pairs=[pair], starts=plan)
     [record] = study.records()
     assert record.is_solved(0.1, 0.01)
+    assert np.abs(record.centre - far).max() < 30.0
+    metres, radians = record.translation_error, record.rotation_error
+    assert record.judged_by(None).judged_by(pair.truth) == record
+    lifted = Pose(np.eye(3), np.array([0.0, 0.0, 2.0])) @ pair.truth
+    other = record.judged_by(lifted)
+    assert other.translation_error == pytest.approx(2.0, abs=metres)
+    assert other.rotation_error == pytest.approx(radians, abs=1e-7)
 
 
 @pytest.mark.parametrize("changes", [{"methods": {}}, {"pairs": []}, {"pairs": _pairs()[:1] * 2}])
