@@ -2,8 +2,11 @@
 
 from scanlock.experiments.experiment import Contender
 from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
+from scanlock.registration.gates import FixedGate
 from scanlock.registration.gicp import Gicp
+from scanlock.registration.icp import Icp, IcpStopping
 from scanlock.registration.methods import METHODS
+from scanlock.registration.pairing import Pairing
 from scanlock.registration.sgc_ndt import SgcNdt
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
@@ -12,6 +15,21 @@ P2D_PRINTED, D2D_PRINTED = f"{P2D}, one scale", f"{D2D}, one scale"
 
 _TOLERANCE = 1e-6
 """Where optimisations end: the norm of the step [m]."""
+
+_FARTHEST = 10.0
+"""Points farther apart are no pair in the paper [m]."""
+
+_SPACING = 0.25
+"""Voxels that scans are thinned to for pairing points [m]: ours, the paper does not speak of it."""
+
+_ROUNDS = 200
+"""How often points are paired at most: ours, and more than any pair needs to end by itself."""
+
+_PAIRING = (
+    f"pairs up to {_FARTHEST:g} m apart from first to last, as the paper says; either scan thinned "
+    f"to voxels of {_SPACING:g} m, of which it says nothing; ends when new pairs move the pose by "
+    f"less than {_TOLERANCE:g} m, or after {_ROUNDS} rounds of them"
+)
 
 _SGC = (
     "scanlock's own settings: every scale of blur from 8 m down to none, where the paper has a "
@@ -39,21 +57,25 @@ def sgc_contenders() -> list[Contender]:
     ]
 
 
+def icp_contender() -> Contender:
+    """Return ICP as the paper has it."""
+    method = Icp(
+        pairing=Pairing(gate=FixedGate(distance=_FARTHEST)),
+        spacing=_SPACING,
+        stopping=IcpStopping(step=_TOLERANCE, iterations=_ROUNDS),
+    )
+    return Contender(name=ICP, method=method, remark=f"point to point, {_PAIRING}")
+
+
 def gicp_contender() -> Contender:
     """Return G-ICP as the paper has it."""
-    method = Gicp(gates=(10.0,), tolerance=_TOLERANCE)
-    return Contender(
-        name=G_ICP,
-        method=method,
-        remark="pairs up to 10 m apart from first to last, as the paper says; either scan thinned "
-        f"to voxels of {method.spacing:g} m, of which it says nothing; ends when new pairs move "
-        f"the pose by less than {_TOLERANCE:g} m, or after {method.rounds} rounds of them",
-    )
+    method = Gicp(gates=(_FARTHEST,), spacing=_SPACING, tolerance=_TOLERANCE, rounds=_ROUNDS)
+    return Contender(name=G_ICP, method=method, remark=f"plane to plane, {_PAIRING}")
 
 
 def urban_contenders() -> list[Contender]:
     """Return the methods of the city."""
-    return [gicp_contender(), *sgc_contenders()]
+    return [icp_contender(), gicp_contender(), *sgc_contenders()]
 
 
 def forest_contenders() -> list[Contender]:
