@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points
+from scanlock.arrays import Labels, Points, Vector, read_only
 from scanlock.errors import require_positive
+from scanlock.kernels.voxels import occupied_voxels
 
-_MOST_KEYS = 2.0**62
-"""Grids of more voxels than this have no 64-bit number for each."""
+_ZERO = read_only(np.zeros(3))
 
 
 def voxel_labels(points: Points, width: float) -> tuple[Labels, int]:
@@ -14,16 +14,22 @@ def voxel_labels(points: Points, width: float) -> tuple[Labels, int]:
 
     Voxels are cubes of side `width` [m] with a corner at zero, numbered by ascending index.
     """
+    labels, cells = voxel_cells(points, width)
+    return labels, len(cells)
+
+
+def voxel_cells(points: Points, width: float, corner: Vector = _ZERO) -> tuple[Labels, Labels]:
+    """Return the occupied voxel of each (n, 3) point, and the (m, 3) indices of the voxels.
+
+    Voxels are cubes of side `width` [m], one with its lowest corner at `corner` [m] of index
+    (0, 0, 0), numbered by ascending index.
+    """
     require_positive("width", width, unit="m")
-    index = np.floor(points / width).astype(np.int64)
-    index -= index.min(axis=0, initial=0)
-    shape = index.max(axis=0, initial=0) + 1
-    if np.prod(shape.astype(np.float64)) < _MOST_KEYS:
-        key = (index[:, 0] * shape[1] + index[:, 1]) * shape[2] + index[:, 2]
-        occupied, labels = np.unique(key, return_inverse=True)
-    else:
-        occupied, labels = np.unique(index, axis=0, return_inverse=True)
-    return labels.astype(np.int64).reshape(-1), len(occupied)
+    labels, cells = occupied_voxels(read_only(points), read_only(corner), float(width))
+    order = np.lexsort(cells.T[::-1])
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return rank[labels], cells[order]
 
 
 def voxel_means(points: Points, width: float) -> Points:

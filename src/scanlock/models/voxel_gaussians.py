@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector, frozen
-from scanlock.clouds.voxel_grid import voxel_labels
+from scanlock.clouds.voxel_grid import voxel_cells
 from scanlock.errors import require_at_least, require_count, require_fraction, require_positive
 from scanlock.kernels.cells import cell_table
 from scanlock.models.gaussians import Gaussians
@@ -87,18 +87,15 @@ class VoxelGrid:
         """
         require_at_least("width", width, 0.01, unit="m")
         corner = np.full(3, self.offset * width)
-        labels, count = voxel_labels(points - corner, width)
-        members = np.zeros(count, np.int64)
-        members[labels] = np.arange(len(points))
-        full = np.bincount(labels, minlength=count) >= self.least_count
+        labels, cells = voxel_cells(points, width, corner)
+        full = np.bincount(labels, minlength=len(cells)) >= self.least_count
         raw = Gaussians.from_labels(points, labels, self.least_count)
         unbiased = raw.covariances * (raw.counts / (raw.counts - 1.0))[:, None, None]
         return VoxelGaussians(
             Gaussians(raw.means, unbiased, raw.counts).floored(
                 self.deviation_floor, self.variance_ratio
             ),
-            # A mean on the face of its cell may be rounded into the next one; points are not.
-            np.floor((points[members[full]] - corner) / width).astype(np.int64),
+            cells[full],
             corner,
             width,
         )

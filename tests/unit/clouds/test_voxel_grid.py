@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from reference.grouping import partition
-from scanlock.clouds.voxel_grid import voxel_labels, voxel_means
+from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels, voxel_means
 from scanlock.errors import InvalidInput
 
 
@@ -27,6 +27,18 @@ def test_labels_and_means_match_the_definition(width, offset):
         np.testing.assert_array_equal(np.flatnonzero(labels == number), rows)
     expected = [points[rows].mean(axis=0) for rows in cubes]
     np.testing.assert_allclose(voxel_means(points, width), expected, rtol=1e-13, atol=1e-13)
+
+
+def test_cells_are_the_indices_of_the_cubes_from_the_corner():
+    points = np.random.default_rng(4).normal(0.0, 3.0, (2000, 3))
+    corner = np.array([0.3, -0.2, 0.1])
+    labels, cells = voxel_cells(points, 0.7, corner)
+    np.testing.assert_array_equal(cells[labels], np.floor((points - corner) / 0.7))
+    # More than the hash begins with, each once, by ascending index.
+    assert len(cells) > 500
+    rows = list(map(tuple, cells.tolist()))
+    assert rows == sorted(set(rows))
+    np.testing.assert_array_equal(labels, voxel_labels(points - corner, 0.7)[0])
 
 
 def test_a_far_point_does_not_merge_voxels():
