@@ -33,8 +33,9 @@ class SurfacePoints:
                 "points and covariances must have shapes (n, 3) and (n, 6), got "
                 f"{self.points.shape} and {self.covariances.shape}"
             )
-        for array in (self.points, self.covariances):
-            frozen(array)
+        # One layout of memory, so that kernels are compiled once.
+        object.__setattr__(self, "points", read_only(self.points))
+        object.__setattr__(self, "covariances", read_only(self.covariances))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -8,10 +8,14 @@ from scanlock.arrays import Points
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.ground import GroundFinder
 from scanlock.models.segmentation import Segmenter, segment
+from scanlock.models.sensor_noise import SensorNoise
+from scanlock.registration.icp import Icp
 from scanlock.registration.methods import METHODS
+from scanlock.registration.pair_fit import PairFit
 from scanlock.registration.register import register
 
 _SENSOR_HEIGHT = 1.7
+_PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
 _STEP = np.array([0.5, 0.2, 0.0])
 
 
@@ -26,7 +30,8 @@ def warm_up() -> None:
     for points in (scan, tilted):
         segment(points)
     Segmenter(ground=GroundFinder.das2013()).segment(scan)
-    for method in METHODS:
+    others = (Icp(search="delaunay", spacing=1.0), Icp(fit=_PLANES, noise=SensorNoise()))
+    for method in (*METHODS.values(), *others):
         register(source=scan + _STEP, target=scan, method=method)
 
 

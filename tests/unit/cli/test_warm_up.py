@@ -31,7 +31,7 @@ for module in pkgutil.iter_modules(scanlock.kernels.__path__):
     for name, value in vars(importlib.import_module(f"scanlock.kernels.{module.name}")).items():
         if name.startswith("_"):
             continue
-        if hasattr(value, "signatures") and re.search(rf"\\b{name}\\b", callers):
+        if hasattr(value, "signatures") and re.search(rf"\\b{name}[(]", callers):
             if len(value.signatures) != 1:
                 cold.append((module.name, name, len(value.signatures)))
 print(cold)
