@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scanlock.experiments.series import ScanSeries
     from scanlock.pipelines.starts import AroundTruth
     from scanlock.pipelines.study import StudyPair
+    from scanlock.registration.methods import Method
 
 _TRUTH = Group("What is taken for true", sort_key=2)
 _STARTS = Group("Starts about the true pose", sort_key=3)
@@ -108,6 +109,7 @@ class Starts:
 def compare(
     *scans: Path,
     methods: Annotated[tuple[MethodName, ...] | None, _SEVERAL] = None,
+    settings: Annotated[tuple[Path, ...], _SEVERAL, Parameter(show_default=False)] = (),
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-compare"),
     every: int = 1,
     apart: int = 1,
@@ -126,6 +128,8 @@ def compare(
         Two scan files or more, each registered to the one before; or one folder of scans.
     methods : str
         How to register; by every method by default.
+    settings : Path
+        Further methods with settings of your own: TOML as scanlock settings prints it.
     output : Path
         Folder for tables, pictures and records.
     every : int
@@ -143,7 +147,6 @@ def compare(
     from scanlock.experiments.comparison import compare as compared_by
     from scanlock.experiments.page import described, truth_sentence, write_findings
     from scanlock.experiments.pairwise import Limits
-    from scanlock.registration.methods import METHODS
     from scanlock.report.canvas import require_figures
 
     require_figures()
@@ -155,7 +158,7 @@ def compare(
     chosen = _chosen(series, apart, pairs, believed)
     has_truth = believed.agree or any(pair.truth is not None for pair in chosen)
     comparison = Comparison(
-        methods={name: METHODS[name] for name in methods or METHODS},
+        methods=_methods(methods, settings),
         pairs=chosen,
         load=series.load,
         key=series.key,
@@ -175,6 +178,20 @@ def compare(
     intro = f"{described(series)}, {count}. {truth_sentence(series)}"
     page = write_findings(output, "Comparison of methods", intro, comparison.methods, findings)
     print_line(f"wrote {page} and all that it leads to")
+
+
+def _methods(
+    names: "Sequence[MethodName] | None", settings: "Sequence[Path]"
+) -> "dict[str, Method[Any]]":
+    from scanlock.io.settings import read_settings
+    from scanlock.registration.methods import METHODS
+
+    found: dict[str, Method[Any]] = {name: METHODS[name] for name in names or METHODS}
+    for path in settings:
+        if path.stem in found:
+            raise InvalidInput(f"two methods would be called {path.stem}; rename {path.name}")
+        found[path.stem] = read_settings(path)
+    return found
 
 
 def _series(scans: "Sequence[Path]", every: int, believed: Truth, reading: Reading) -> "ScanSeries":

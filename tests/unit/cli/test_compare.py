@@ -1,10 +1,12 @@
 import csv
 import re
+from dataclasses import replace
 
 import pytest
 
-from reference.studies import toy_series
+from reference.studies import METHOD, toy_series
 from scanlock.io import write_kitti_poses, write_pose, write_scan
+from scanlock.io.settings import read_settings, write_settings
 
 FAST = ["--methods", "sgc-ndt-d2d", "sgc-ndt-p2d", "--distances", "0", "1", "--angles", "0", "10"]
 
@@ -95,6 +97,22 @@ def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, fold
     ]
     assert files[0] == files[1]
     assert not any(str(tmp_path).encode() in content for content in files[0].values())
+
+
+def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
+    write_settings(tmp_path / "mine.toml", replace(METHOD, spacing=0.7))
+    done = scanlock(
+        "compare", folder / "drive", "--pairs", "1", "--methods", "sgc-ndt-d2d",
+        "--settings", tmp_path / "mine.toml", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert done.code == 0
+    rows = _table(tmp_path / "out" / "tables" / "pairs.csv")
+    assert [row["method"] for row in rows] == ["sgc-ndt-d2d", "mine"]
+    assert read_settings(tmp_path / "out" / "settings" / "mine.toml").spacing == 0.7
+    (tmp_path / "mine.toml").rename(tmp_path / "sgc-ndt-d2d.toml")
+    done = scanlock("compare", folder / "drive", "--settings", tmp_path / "sgc-ndt-d2d.toml")
+    assert done.code == 1
+    assert "two methods would be called sgc-ndt-d2d" in done.err
 
 
 @pytest.mark.parametrize(
