@@ -33,8 +33,8 @@ class SurfacePoints:
                 "points and covariances must have shapes (n, 3) and (n, 6), got "
                 f"{self.points.shape} and {self.covariances.shape}"
             )
+        frozen(self.points)
         # One layout of memory, so that kernels are compiled once.
-        object.__setattr__(self, "points", read_only(self.points))
         object.__setattr__(self, "covariances", read_only(self.covariances))
 
     def __len__(self) -> int:

@@ -11,7 +11,6 @@ from scanlock.kernels.terms import d2d_terms
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 
-
 _EVERYONE = (read_only(np.empty(0, np.int64)),) * 3
 
 
