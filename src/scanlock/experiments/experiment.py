@@ -146,3 +146,6 @@ class Experiment:
 
     starts: StartPlan = field(default_factory=FromIdentity)
     """Where registrations begin."""
+
+    pairs: Callable[[ScanSeries], Sequence[StudyPair]] = ScanSeries.pairs
+    """Which scans are registered with which: by default each with the one before."""

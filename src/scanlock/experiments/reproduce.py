@@ -59,7 +59,7 @@ def reproduce(
         Matplotlib is not installed.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    pairs = series.pairs()
+    pairs = experiment.pairs(series)
     study = Study(
         methods={one.name: one.method for one in experiment.contenders},
         pairs=pairs,

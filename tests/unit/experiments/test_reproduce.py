@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reference.studies import METHOD, contender
-from scanlock.experiments.experiment import Watch
+from scanlock.experiments.experiment import Findings, Section, Watch
 from scanlock.experiments.page import file_name
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
 from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
@@ -128,6 +128,23 @@ def test_a_watch_sees_every_registration_and_every_scan(experiment, series, tmp_
     checked: Watch = watch
     reproduce(experiment, series, tmp_path, checked)
     assert [(count, found) for _, count, found in seen] == [(9, 9), (4, 4)]
+
+
+def test_an_experiment_may_choose_its_pairs(experiment, series, tmp_path):
+    skipping = replace(
+        experiment,
+        pairs=lambda series: series.pairs(apart=3),
+        examine=lambda outcome, watch: Findings(sections=[Section(title="Nothing")]),
+    )
+    done = reproduce(skipping, series, tmp_path)
+    for records in done.outcome.records.values():
+        assert [record.task.pair for record in records] == ["scan0 scan3"]
+    assert "## Nothing" in done.page.read_text()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "index.md",
+        "records.jsonl",
+        "settings",
+    ]
 
 
 def test_without_true_poses_there_is_a_page_too(experiment, series, tmp_path):
