@@ -13,14 +13,20 @@ import numpy as np
 from scanlock.arrays import Labels, Vector, frozen
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import nearest_rotation, rotation_angle
+from scanlock.geometry.rigid_fit import PairMoments, fit_arun
+from scanlock.geometry.rotations import rotation_angle
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Path lengths of the KITTI odometry benchmark [m]."""
 
 Alignment = Literal["none", "first", "all"]
 """What is laid together before absolute errors are taken: nothing, the first poses, or all
-positions with least squared error (Umeyama 1991, without scale)."""
+positions with least squared error (Umeyama 1991, without scale).
+
+Positions on one line leave the turn about it open; the first poses are laid together then. The
+closer a drive comes to a line, the less its positions say of that turn, and the larger the
+errors of rotation after aligning all of them.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -145,12 +151,10 @@ def _path(poses: Sequence[Pose]) -> Vector:
 
 def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:
     here, there = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
-    spread = (here - here.mean(axis=0)).T @ (there - there.mean(axis=0))
-    if np.linalg.svd(spread, compute_uv=False)[1] <= 0.0:
-        # Positions on one line, or one place: they leave a turn open, and the first pose has it.
+    if not PairMoments.of(here, there).holds_rotation:
+        # Positions on one line, or in one place, leave a turn open: the first pose settles it.
         return truth[0] @ estimate[0].inverse()
-    rotation = nearest_rotation(spread)
-    return Pose(rotation, here.mean(axis=0) - rotation @ there.mean(axis=0))
+    return fit_arun(here, there)
 
 
 def _require_paired(estimate: Sequence[Pose], truth: Sequence[Pose]) -> None:

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
+from reference.kitti_metric import segment_errors
 from reference.samples import yaw_pose
 from scanlock.errors import InvalidInput
 from scanlock.evaluation.trajectory_errors import absolute_errors, kitti_errors, relative_errors
 from scanlock.geometry.pose import Pose
+from scanlock.io import read_kitti_poses
 
 
 def _bend(count=50, step=1.0):
@@ -43,6 +45,57 @@ def test_aligning_all_positions_leaves_the_least_squares():
     assert squares[0] < min(squares[1:])
 
 
+def test_a_straight_drive_is_aligned_without_an_invented_turn_about_its_line():
+    rng = np.random.default_rng(3)
+    direction = np.array([1.0, 2.0, 0.3])
+    truth = [Pose(np.eye(3), k * direction) for k in range(30)]
+    world = Pose.from_step(rng.normal(0.0, 1.0, 6))
+    found = absolute_errors([world @ pose for pose in truth], truth, "all")
+    assert found.rotations.max() < 1e-7
+    assert found.translations.max() < 1e-9
+
+
+def _wandering(seed, count, step):
+    rng = np.random.default_rng(seed)
+    poses = [Pose.identity()]
+    for _ in range(count - 1):
+        turn = rng.normal(0.0, 0.03, 3) * [0.1, 0.1, 1.0]
+        move = rng.normal([step, 0.0, 0.0], 0.05)
+        poses.append(poses[-1] @ Pose.from_step(np.concatenate([move, turn])))
+    return poses
+
+
+def _slipping(truth, seed):
+    rng = np.random.default_rng(seed)
+    poses = [truth[0]]
+    for before, after in zip(truth, truth[1:], strict=False):
+        slip = Pose.from_step(rng.normal(0.0, 0.002, 6))
+        poses.append(poses[-1] @ before.inverse() @ after @ slip)
+    return poses
+
+
+def _require_the_benchmarks_errors(estimate, truth):
+    found = kitti_errors(estimate, truth)
+    slow = segment_errors([pose.matrix for pose in estimate], [pose.matrix for pose in truth])
+    assert len(slow) > 10
+    expected = np.array(slow)
+    np.testing.assert_array_equal(found.first, expected[:, 0])
+    np.testing.assert_array_equal(found.last, expected[:, 1])
+    np.testing.assert_allclose(found.translations / found.lengths, expected[:, 2], rtol=1e-9)
+    np.testing.assert_allclose(found.rotations / found.lengths, expected[:, 3], rtol=1e-6)
+
+
+def test_kitti_errors_are_those_of_the_benchmarks_description():
+    truth = _wandering(0, 300, 1.3)
+    _require_the_benchmarks_errors(_slipping(truth, 1), truth)
+
+
+@pytest.mark.data
+def test_kitti_errors_on_a_drive_of_the_benchmark(scan_data):
+    truth = read_kitti_poses(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
+    _require_the_benchmarks_errors(_slipping(truth, 2), truth)
+
+
 def test_relative_errors_see_one_wrong_step_once():
     truth = _bend()
     slip = yaw_pose(0.1, (0.5, 0.0, 0.0))
@@ -70,6 +123,7 @@ def test_kitti_turns_are_counted_by_the_metre():
     truth = [Pose(np.eye(3), np.array([1.0 * k, 0.0, 0.0])) for k in range(202)]
     drift = [yaw_pose(1e-4 * k, tuple(p.translation)) for k, p in enumerate(truth)]
     found = kitti_errors(drift, truth)
+    assert len(found) > 0
     np.testing.assert_allclose(found.rotations, 1e-4 * (found.last - found.first), rtol=1e-6)
 
 
