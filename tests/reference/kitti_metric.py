@@ -1,5 +1,6 @@
 """The odometry metric of the KITTI benchmark, step by step as its description has it."""
 
+import itertools
 import math
 
 import numpy as np
@@ -15,7 +16,7 @@ def segment_errors(estimate, truth, every=10):
     one; both errors are divided by the nominal length.
     """
     along = [0.0]
-    for before, after in zip(truth, truth[1:], strict=False):
+    for before, after in itertools.pairwise(truth):
         along.append(along[-1] + math.dist(before[:3, 3], after[:3, 3]))
     found = []
     for first in range(0, len(truth), every):

@@ -23,9 +23,12 @@ _MOST_INDEX = 2**20
 def crispness(points: Points, width: float = VOXEL_WIDTH) -> int:
     """Return how many voxels the points of a map fill; fewer is crisper.
 
-    Voxels are cubes with a corner at zero. Moving the whole map against them changes the count by
-    a little, about the share of points that lie at a voxel's face; so compare maps that begin at
-    one and the same first pose.
+    Voxels are cubes with a corner at zero. Moving all of a map by whole multiples of `width`
+    changes nothing. Any other rigid motion changes the count: a map of six HDL-64E scans of a city
+    street fills up to 0.5 % more voxels when shifted by parts of one, as much when turned about
+    the vertical, and up to 2 % more when tilted, for level ground then leaves its one layer. So
+    compare maps in one frame, from the same first pose; smaller differences between maps that
+    begin elsewhere mean nothing.
 
     Parameters
     ----------
@@ -44,13 +47,18 @@ def crispness(points: Points, width: float = VOXEL_WIDTH) -> int:
 def streamed_crispness(chunks: Iterable[Points], width: float = VOXEL_WIDTH) -> int:
     """Return the crispness of a map that comes in parts, too large to be held at once.
 
-    Only the filled voxels are kept: 8 bytes each.
+    Only the filled voxels are kept, 8 bytes each, and for a while those of the latest parts again.
+    The result is that of `crispness` for all parts at once, whatever their order.
     """
     require_positive("width", width, unit="m")
     filled: NDArray[np.int64] = np.empty(0, np.int64)
+    waiting: list[NDArray[np.int64]] = []
     for points in chunks:
-        filled = np.union1d(filled, _voxels(points, width))
-    return len(filled)
+        waiting.append(_voxels(points, width))
+        # Merging only once as much is waiting as is there already costs n log n over all.
+        if sum(map(len, waiting)) > len(filled):
+            filled, waiting = np.unique(np.concatenate([filled, *waiting])), []
+    return len(np.unique(np.concatenate([filled, *waiting])))
 
 
 def _voxels(points: Points, width: float) -> NDArray[np.int64]:

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -68,7 +70,7 @@ def _wandering(seed, count, step):
 def _slipping(truth, seed):
     rng = np.random.default_rng(seed)
     poses = [truth[0]]
-    for before, after in zip(truth, truth[1:], strict=False):
+    for before, after in itertools.pairwise(truth):
         slip = Pose.from_step(rng.normal(0.0, 0.002, 6))
         poses.append(poses[-1] @ before.inverse() @ after @ slip)
     return poses
