@@ -70,17 +70,16 @@ def loses_pairs(says: str, outcome: Outcome, name: str, than: Sequence[str]) -> 
     )
 
 
-def widest_errors(says: str, outcome: Outcome, name: str, than: Sequence[str]) -> Claim:
-    """Claim that the box of a method's translation errors is taller than those of the others."""
+def largest_errors(says: str, outcome: Outcome, name: str, than: Sequence[str]) -> Claim:
+    """Claim that a quarter of a method's translation errors are worse than of the others."""
     why = missing(outcome, [name, *than], truth=True)
     if why:
         return undecided(says, why)
-    heights = {one: _height(outcome, one) for one in (name, *than)}
+    quartiles = {one: _upper_quartile(outcome, one) for one in (name, *than)}
     return Claim(
         says=says,
-        holds=all(heights[name] > heights[other] for other in than),
-        because="upper less lower quartile of the translation error: "
-        f"{_listed(heights, '.3f', ' m')}",
+        holds=all(quartiles[name] > quartiles[other] for other in than),
+        because=f"upper quartile of the translation error: {_listed(quartiles, '.3f', ' m')}",
     )
 
 
@@ -123,12 +122,9 @@ def _median(outcome: Outcome, name: str) -> float:
     return spread(errors).median if np.isfinite(errors).any() else math.inf
 
 
-def _height(outcome: Outcome, name: str) -> float:
+def _upper_quartile(outcome: Outcome, name: str) -> float:
     errors = translation_errors(outcome.records[name])
-    if not np.isfinite(errors).any():
-        return math.inf
-    box = spread(errors)
-    return box.upper - box.lower
+    return spread(errors).upper if np.isfinite(errors).any() else math.inf
 
 
 def _listed(values: Mapping[str, float], form: str, unit: str = "") -> str:

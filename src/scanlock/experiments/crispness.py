@@ -58,6 +58,33 @@ def crispness_remarks(
             f"{name} fills {ours:+.2%} voxels against {baseline} here and {theirs:+.2%} in the "
             f"paper, {agree} of it. {_chain_sentence(outcome, name, baseline)}"
         )
+    return [*remarks, *misleading_remarks(outcome, counts)]
+
+
+def misleading_remarks(outcome: Outcome, counts: Mapping[str, int]) -> list[str]:
+    """Return where a map is the crisper for being wrong: a sentence for each such method.
+
+    Scans that are laid on top of each other although the sensor moved fill few voxels too.
+    """
+    if not outcome.series.truth:
+        return []
+    solved = {
+        name: sum(SOLVED.hold(record) for record in records)
+        for name, records in outcome.records.items()
+    }
+    remarks: list[str] = []
+    for name, count in counts.items():
+        fooled = [
+            other
+            for other in solved
+            if name in solved and count < counts[other] and solved[name] < solved[other]
+        ]
+        if fooled:
+            best = max(fooled, key=lambda other: solved[other])
+            remarks.append(
+                f"Crispness misleads on {name}: it fills fewer voxels than {best} and solved "
+                f"{solved[name]} pairs where {best} solved {solved[best]}."
+            )
     return remarks
 
 

@@ -6,9 +6,9 @@ from scanlock.experiments.claims import (
     accurate,
     alike,
     crisper,
+    largest_errors,
     loses_pairs,
     more_accurate,
-    widest_errors,
 )
 from scanlock.experiments.crispness import crispness_remarks, crispness_table
 from scanlock.experiments.experiment import (
@@ -104,8 +104,8 @@ def _claims(outcome: Outcome, counts: Mapping[str, int]) -> list[Claim]:
             outcome,
             [P2D, D2D, G_ICP],
         ),
-        widest_errors(
-            "The large distribution of NDT's translation errors shows its poor convergence.",
+        largest_errors(
+            "NDT has the large translation errors of poor convergence.",
             outcome,
             NDT,
             [ICP, G_ICP, P2D, D2D],

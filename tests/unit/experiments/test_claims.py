@@ -28,17 +28,17 @@ def test_losing_pairs_means_to_solve_fewer_than_every_other(outcome_of):
     assert not claims.loses_pairs("", outcome, "b", ["a", "c"]).holds
 
 
-def test_wide_errors_are_tall_boxes(outcome_of):
+def test_large_errors_are_those_of_the_worst_quarter(outcome_of):
     outcome = outcome_of({"a": [GOOD, FAIR, GOOD], "b": [GOOD, FAIR, BAD]})
-    assert claims.widest_errors("", outcome, "b", ["a"]).holds
-    assert not claims.widest_errors("", outcome, "a", ["b"]).holds
+    assert claims.largest_errors("", outcome, "b", ["a"]).holds
+    assert not claims.largest_errors("", outcome, "a", ["b"]).holds
 
 
 def test_a_method_without_a_single_pose_is_the_worst(outcome_of):
     nan = (float("nan"), float("nan"))
     outcome = outcome_of({"a": [BAD] * 3, "b": [nan] * 3})
     assert claims.more_accurate("", outcome, ["a"], ["b"]).holds
-    assert claims.widest_errors("", outcome, "b", ["a"]).holds
+    assert claims.largest_errors("", outcome, "b", ["a"]).holds
 
 
 def test_crisper_and_alike_look_at_the_counts():
@@ -51,13 +51,13 @@ def test_crisper_and_alike_look_at_the_counts():
     assert "10.00% apart where 2% are allowed" in claim.because
 
 
-@pytest.mark.parametrize("kind", ["accurate", "more_accurate", "loses_pairs", "widest_errors"])
+@pytest.mark.parametrize("kind", ["accurate", "more_accurate", "loses_pairs", "largest_errors"])
 def test_without_the_method_or_the_truth_nothing_is_decided(outcome_of, series, kind):
     arguments = {
         "accurate": (["a", "b"],),
         "more_accurate": (["a"], ["b"]),
         "loses_pairs": ("a", ["b"]),
-        "widest_errors": ("a", ["b"]),
+        "largest_errors": ("a", ["b"]),
     }[kind]
     claim = getattr(claims, kind)("", outcome_of({"a": [GOOD] * 3}), *arguments)
     assert (claim.holds, claim.because) == (None, "b was not run")

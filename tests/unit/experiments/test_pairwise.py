@@ -6,7 +6,12 @@ import pytest
 
 from reference.studies import STEP, record_of
 from scanlock import Pose
-from scanlock.experiments.crispness import against, crispness_remarks, crispness_table
+from scanlock.experiments.crispness import (
+    against,
+    crispness_remarks,
+    crispness_table,
+    misleading_remarks,
+)
 from scanlock.experiments.pairwise import (
     TRUTH,
     chained,
@@ -85,6 +90,18 @@ def test_what_a_remark_says_follows_from_the_numbers(outcome_of, count, error, s
     assert cause in remarks[0]
     assert "+5.00% in the paper" in remarks[0]
     assert remarks[1] == "y: not compared, for y was not run here."
+
+
+def test_a_map_that_is_crisp_and_wrong_is_named(outcome_of, series):
+    errors = {"x": [BAD] * 3, "y": [BAD, BAD, GOOD], "base": [GOOD] * 3}
+    outcome = outcome_of(errors)
+    counts = {"x": 90, "y": 110, "base": 100, TRUTH: 80}
+    assert misleading_remarks(outcome, counts) == [
+        "Crispness misleads on x: it fills fewer voxels than base and solved 0 pairs where base "
+        "solved 3."
+    ]
+    assert misleading_remarks(outcome, counts | {"x": 120}) == []
+    assert misleading_remarks(outcome_of(errors, replace(series, truth=())), counts) == []
 
 
 def test_without_a_truth_a_remark_blames_nobody(outcome_of, series):
