@@ -1,8 +1,10 @@
 """Scans of the Ford Campus vision and lidar data set (Pandey et al. 2011), MATLAB files.
 
 ``SCANS/Scan0075.mat`` holds a struct ``SCAN`` with the points ``XYZ`` (3, n) [m] in the frame of
-the laser, whose z points up, the time ``timestamp_laser`` [us], and ``X_wv``: x, y, z [m], roll,
-pitch, heading [rad] of the vehicle, whose z points down, in a local world.
+the laser (x to the right, y ahead, z up), the time ``timestamp_laser`` [us], and ``X_wv``: x, y, z
+[m], roll, pitch, heading [rad] of the vehicle (x ahead, y to the right, z down) in a local world
+whose z points down too. The points are returned as they are, and the poses in that world turned
+over, so that z points up everywhere.
 """
 
 import math
@@ -28,7 +30,10 @@ def _turned(roll: float, pitch: float, heading: float) -> Any:
 
 
 VEHICLE_FROM_LASER = Pose(_turned(math.pi, 0.0, math.pi / 2.0), np.array([2.4, -0.01, -2.3]))
-"""Where the data set's own calibration has the laser on the vehicle."""
+"""Where the calibration of the data set has the laser on the vehicle (Pandey et al. 2011)."""
+
+_UPRIGHT_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+"""Half a turn about x: z up for z down."""
 
 
 def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
@@ -45,7 +50,7 @@ def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
         In the frame of the laser.
     time : float [s]
     pose : Pose
-        The laser in the data set's local world, whose z points down.
+        The laser in the data set's local world, turned over so that z points up.
 
     Raises
     ------
@@ -86,7 +91,7 @@ def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
             path, "SCAN", expected="a finite pose and time", found="NaN or Inf", remedy=_REMEDY
         )
     world_from_vehicle = Pose(_turned(*vehicle[3:].tolist()), vehicle[:3])
-    pose = world_from_vehicle @ VEHICLE_FROM_LASER
+    pose = _UPRIGHT_FROM_WORLD @ world_from_vehicle @ VEHICLE_FROM_LASER
     return np.ascontiguousarray(points.T), 1e-6 * float(time[0]), pose
 
 

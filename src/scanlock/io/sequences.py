@@ -2,21 +2,20 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scanlock.arrays import Points, Vector, frozen
-from scanlock.errors import FormatError, InvalidInput
+from scanlock.errors import FormatError, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.io.faults import malformed
 from scanlock.io.ford import read_ford_scan
 from scanlock.io.formats import format_of_name
+from scanlock.io.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.poses import read_kitti_poses, read_tum_poses
 from scanlock.io.scans import read_scan
 
@@ -66,28 +65,37 @@ class ScanSequence:
 
     def taken(self, every: int, count: int | None = None) -> "ScanSequence":
         """Return every k-th scan from the first on, at most `count` of them."""
+        require_count("every", every)
         rows = range(0, len(self), every)[:count]
-        return ScanSequence(
-            self.title,
-            tuple(self.paths[row] for row in rows),
-            self.times[rows.start : rows.stop : rows.step][: len(rows)].copy(),
-            tuple(self.poses[row] for row in rows) if self.poses else (),
-            self.load,
+        return replace(
+            self,
+            paths=tuple(self.paths[row] for row in rows),
+            times=self.times[np.array(rows, np.int64)],
+            poses=tuple(self.poses[row] for row in rows) if self.poses else (),
         )
 
 
 def open_sequence(
-    folder: str | os.PathLike[str], poses: str | os.PathLike[str] | None = None
+    folder: str | os.PathLike[str],
+    poses: str | os.PathLike[str] | None = None,
+    *,
+    every: int = 1,
+    count: int | None = None,
 ) -> ScanSequence:
-    """Return the scans of a folder in their order; nothing but names and poses is read yet.
+    """Return the scans of a folder in their order; no points are read yet.
 
     Parameters
     ----------
     folder : path-like
         A folder of scan files, of KITTI raw or odometry, of the Ford Campus data set, or of
-        ``scanlock simulate``. KITTI raw is given no poses: its satellite track is metres off.
+        ``scanlock simulate``. KITTI raw is given no poses: its satellite track is decimetres off
+        within seconds. The numbers in the names of KITTI's files are rows of its poses and
+        times, so some of a drive's scans may be missing.
     poses : path-like, optional
         ``world_from_sensor`` of each scan, KITTI or TUM format, in place of the folder's own.
+    every, count : int, optional
+        Take every k-th scan, at most so many; see `ScanSequence.taken`. The Ford Campus data set
+        keeps times and poses inside the scans, and those left out are not read.
 
     Raises
     ------
@@ -99,10 +107,13 @@ def open_sequence(
     folder = Path(folder)
     if not folder.is_dir():
         raise FileNotFoundError(2, "no such folder of scans", str(folder))
-    sequence = _opened(folder)
+    ford = _ford_files(folder)
+    sequence = ScanSequence("Ford Campus", ford, _counted(ford), (), _load_ford) if ford else None
+    sequence = sequence or _opened(folder)
     if poses is not None:
         sequence = _with_poses(sequence, read_trajectory(poses)[1], Path(poses))
-    return sequence
+    sequence = sequence.taken(every, count)
+    return _with_ford_heads(sequence) if ford else sequence
 
 
 def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
@@ -118,10 +129,6 @@ def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[P
 
 
 def _opened(folder: Path) -> ScanSequence:
-    for place in (folder / "SCANS", folder):
-        found = _sorted(place.glob("Scan*.mat")) if place.is_dir() else ()
-        if found:
-            return _ford(found)
     raw = folder / "velodyne_points" / "data"
     if raw.is_dir():
         return _kitti_raw(folder, _scan_files(raw))
@@ -133,41 +140,56 @@ def _opened(folder: Path) -> ScanSequence:
     return ScanSequence("folder of scans", paths, _counted(paths), (), _load)
 
 
-def _ford(paths: tuple[Path, ...]) -> ScanSequence:
-    heads = [read_ford_scan(path)[1:] for path in paths]
+def _ford_files(folder: Path) -> tuple[Path, ...]:
+    for place in (folder / "SCANS", folder):
+        found = _sorted(place.glob("Scan*.mat")) if place.is_dir() else ()
+        if found:
+            return found
+    return ()
+
+
+def _with_ford_heads(sequence: ScanSequence) -> ScanSequence:
+    heads = [read_ford_scan(path)[1:] for path in sequence.paths]
+    own = tuple(pose for _, pose in heads)
     times = np.array([time for time, _ in heads])
-    return ScanSequence(
-        "Ford Campus", paths, times, tuple(pose for _, pose in heads),
-        lambda path: read_ford_scan(path)[0],
-    )  # fmt: skip
+    return replace(sequence, times=times, poses=sequence.poses or own)
 
 
 def _kitti_raw(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
     stamps = folder / "velodyne_points" / "timestamps.txt"
-    times = _counted(paths)
-    if stamps.exists():
-        read = _clock_times(stamps)
-        # Cut copies of a drive may keep some of its scans: their names are row numbers.
-        rows = [int(path.stem) if path.stem.isdecimal() else len(read) for path in paths]
-        if max(rows) < len(read):
-            times = read[rows]
+    times = _times_of(paths, read_clock_times(stamps)) if stamps.exists() else _counted(paths)
     return ScanSequence("KITTI raw", paths, times, (), _load)
 
 
 def _kitti_odometry(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
-    times = _counted(paths)
-    if (folder / "times.txt").exists():
-        read = np.loadtxt(folder / "times.txt", ndmin=1)
-        times = read if len(read) == len(paths) else times
+    stamps = folder / "times.txt"
+    times = _times_of(paths, read_kitti_times(stamps)) if stamps.exists() else _counted(paths)
     sequence = ScanSequence("KITTI odometry", paths, times, (), partial(_load, format="bin"))
-    found = folder.parent.parent / "poses" / f"{folder.name}.txt"
+    # Of ".", only the absolute path has a name; a linked folder keeps the one it is called by.
+    place = Path(os.path.abspath(folder))
+    found = place.parent.parent / "poses" / f"{place.name}.txt"
     if not found.exists() or not (folder / "calib.txt").exists():
         return sequence
     # The benchmark has the poses of the left camera, and Tr carries the laser into its frame.
-    camera_from_laser = _calibration(folder / "calib.txt")
-    poses = [pose @ camera_from_laser for pose in read_kitti_poses(found)]
+    camera_from_laser = read_kitti_calibration(folder / "calib.txt")
     first = camera_from_laser.inverse()
-    return _with_poses(sequence, [first @ pose for pose in poses], found)
+    poses = [first @ pose @ camera_from_laser for pose in read_kitti_poses(found)]
+    rows = _rows_of(paths, len(poses))
+    return _with_poses(sequence, poses if rows is None else [poses[row] for row in rows], found)
+
+
+def _rows_of(paths: tuple[Path, ...], count: int) -> Sequence[int] | None:
+    """Return which row of a drive's `count` rows each file is; None where that cannot be told."""
+    if all(path.stem.isdecimal() for path in paths):
+        rows = [int(path.stem) for path in paths]
+        if max(rows) < count:
+            return rows
+    return range(count) if count == len(paths) else None
+
+
+def _times_of(paths: tuple[Path, ...], read: Vector) -> Vector:
+    rows = _rows_of(paths, len(read))
+    return _counted(paths) if rows is None else read[np.array(rows, np.int64)]
 
 
 def _simulated(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
@@ -177,7 +199,7 @@ def _simulated(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
         return sequence
     times, poses = read_tum_poses(track)
     sequence = _with_poses(sequence, poses, track)
-    return ScanSequence(sequence.title, paths, times, sequence.poses, _load)
+    return replace(sequence, times=times)
 
 
 def _with_poses(sequence: ScanSequence, poses: list[Pose], source: Path) -> ScanSequence:
@@ -189,11 +211,12 @@ def _with_poses(sequence: ScanSequence, poses: list[Pose], source: Path) -> Scan
             found=f"{len(poses)}",
             remedy="name the poses of these scans, all of them and no more",
         )
-    return ScanSequence(sequence.title, sequence.paths, sequence.times, tuple(poses), sequence.load)
+    return replace(sequence, poses=tuple(poses))
 
 
 def _scan_files(folder: Path) -> tuple[Path, ...]:
-    files = (path for path in folder.iterdir() if path.is_file())
+    # Hidden files are half-written scans, or what other systems note about the real ones.
+    files = (path for path in folder.iterdir() if path.is_file() and path.name[0] != ".")
     found = _sorted(path for path in files if format_of_name(path) is not None)
     kinds = {path.suffix.lower() for path in found}
     if len(kinds) > 1:
@@ -212,56 +235,27 @@ def _scan_files(folder: Path) -> tuple[Path, ...]:
 def _sorted(paths: Iterable[Path]) -> tuple[Path, ...]:
     """Return paths in natural order: 2 before 10."""
 
-    def key(path: Path) -> list[tuple[int, int, str]]:
+    def key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
         parts = re.split(r"(\d+)", path.name)
-        return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
+        natural = [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
+        # 1 and 01 are the same number, and folders are listed in no order.
+        return natural, path.name
 
     return tuple(sorted(paths, key=key))
 
 
 def _load(path: Path, format: str | None = None) -> Points:
-    points = read_scan(path, format).points
+    return _returns(read_scan(path, format).points)
+
+
+def _load_ford(path: Path) -> Points:
+    return _returns(read_ford_scan(path)[0])
+
+
+def _returns(points: Points) -> Points:
     is_blank = (points == 0.0).all(axis=1)
     return points[~is_blank] if is_blank.any() else points
 
 
 def _counted(paths: tuple[Path, ...]) -> Vector:
     return np.arange(len(paths), dtype=np.float64)
-
-
-def _clock_times(path: Path) -> NDArray[np.float64]:
-    """Return seconds since midnight of the first day, of lines like 2011-09-26 13:04:32.335."""
-    seconds: list[float] = []
-    first: datetime | None = None
-    for number, line in enumerate(path.read_text(errors="replace").split("\n"), start=1):
-        if not line.strip():
-            continue
-        try:
-            whole, _, part = line.strip().partition(".")
-            moment = datetime.fromisoformat(whole)
-            fraction = float(f"0.{part or 0}")
-        except ValueError as error:
-            raise malformed(
-                path, f"line {number}", expected="a date and a time", found=repr(line[:40]),
-                remedy="remove the file, and scans are numbered instead",
-            ) from error  # fmt: skip
-        first = first or moment.replace(hour=0, minute=0, second=0)
-        seconds.append((moment - first).total_seconds() + fraction)
-    return np.array(seconds)
-
-
-def _calibration(path: Path) -> Pose:
-    for line in path.read_text(errors="replace").split("\n"):
-        name, _, numbers = line.partition(":")
-        if name.strip() == "Tr":
-            try:
-                return Pose.from_matrix(np.array(numbers.split(), np.float64).reshape(3, 4))
-            except (ValueError, InvalidInput) as error:
-                raise malformed(
-                    path, "Tr", expected="12 numbers of a rigid motion", found=str(error),
-                    remedy="take calib.txt from the data set again",
-                ) from error  # fmt: skip
-    raise malformed(
-        path, "data", expected="a line Tr:", found="none",
-        remedy="take calib.txt from the data set again",
-    )  # fmt: skip

@@ -3,7 +3,7 @@ import pytest
 from scipy.io import savemat
 
 from reference.samples import street, yaw_pose
-from scanlock.errors import FormatError
+from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
 from scanlock.io.ford import VEHICLE_FROM_LASER, read_ford_scan
@@ -31,18 +31,28 @@ def test_a_plain_folder_is_in_natural_order(tmp_path):
     np.testing.assert_array_equal(found.scan(10), np.full((4, 3), 11.0))
 
 
+def test_files_that_are_no_scans_of_the_folder_are_left_out(tmp_path):
+    _fill(tmp_path / "drive", 3)
+    (tmp_path / "drive" / "._0.bin").write_bytes(b"what another system notes")
+    (tmp_path / "drive" / ".3.bin.1f.part").write_bytes(b"half a scan")
+    (tmp_path / "drive" / "01.bin").write_bytes((tmp_path / "drive" / "1.bin").read_bytes())
+    assert open_sequence(tmp_path / "drive").names == ("0", "01", "1", "2")
+
+
 def test_every_third_of_them_at_most_three(tmp_path):
     _fill(tmp_path / "drive")
     write_kitti_poses(tmp_path / "poses.txt", _POSES)
-    found = open_sequence(tmp_path / "drive", tmp_path / "poses.txt").taken(3, 3)
+    found = open_sequence(tmp_path / "drive", tmp_path / "poses.txt", every=3, count=3)
     assert found.names == ("0", "3", "6")
     for pose, row in zip(found.poses, (0, 3, 6), strict=True):
         assert pose.is_close(_POSES[row], translation=1e-12, rotation=1e-7)
     np.testing.assert_array_equal(found.times, [0.0, 3.0, 6.0])
     assert len(found.taken(2)) == 2
+    with pytest.raises(InvalidInput, match="every must be a whole number of at least 1"):
+        open_sequence(tmp_path / "drive", every=0)
 
 
-def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path):
+def _fill_odometry(tmp_path):
     folder = tmp_path / "sequences" / "07"
     _fill(folder / "velodyne")
     calibration = Pose.from_step(np.array([0.1, -0.2, -0.3, 1.2, -1.2, 1.2]))
@@ -52,13 +62,47 @@ def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path):
     numbers = " ".join(f"{value:.17g}" for value in calibration.matrix[:3].ravel())
     (folder / "calib.txt").write_text(f"P0: 1 0 0\nTr: {numbers}\n")
     np.savetxt(folder / "times.txt", 0.1 * np.arange(12))
+    return folder
+
+
+def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path, monkeypatch):
+    folder = _fill_odometry(tmp_path)
     found = open_sequence(folder)
     assert found.title == "KITTI odometry"
     for pose, expected in zip(found.poses, _POSES, strict=True):
         assert pose.is_close(expected, translation=1e-9, rotation=1e-7)
     np.testing.assert_allclose(found.times, 0.1 * np.arange(12))
-    (folder / "calib.txt").write_text("P0: 1 0 0\n")
-    with pytest.raises(FormatError, match="expected a line Tr:"):
+    monkeypatch.chdir(folder)
+    assert open_sequence(".").poses == found.poses
+
+
+def test_a_part_of_a_kitti_drive_has_the_poses_and_times_of_its_numbers(tmp_path):
+    folder = _fill_odometry(tmp_path)
+    whole = open_sequence(folder)
+    for number in (0, 1, 5, 11):
+        (folder / "velodyne" / f"{number}.bin").unlink()
+    found = open_sequence(folder)
+    assert found.names == ("2", "3", "4", "6", "7", "8", "9", "10")
+    rows = [int(name) for name in found.names]
+    assert found.poses == tuple(whole.poses[row] for row in rows)
+    np.testing.assert_array_equal(found.times, whole.times[rows])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("calib.txt", "P0: 1 0 0\n", "expected a line Tr:"),
+        ("calib.txt", "Tr: 1 0 0\n", "Tr: expected 12 numbers of a rigid motion"),
+        ("calib.txt", "Tr: 2 0 0 0 0 1 0 0 0 0 1 0\n", "Tr: expected 12 numbers of a rigid"),
+        ("times.txt", "0.0\nnoon\n", "times.txt: line 2"),
+        ("times.txt", "nan\n", "expected a finite time a line"),
+        ("../../poses/07.txt", "1 0 0 0\n", "07.txt: line 1"),
+    ],
+)
+def test_what_is_broken_beside_kitti_scans_is_named(tmp_path, name, content, message):
+    folder = _fill_odometry(tmp_path)
+    (folder / name).write_text(content)
+    with pytest.raises(FormatError, match=message):
         open_sequence(folder)
 
 
@@ -103,6 +147,10 @@ def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
         np.testing.assert_allclose(found.times, [3.0, 4.0])
         np.testing.assert_array_equal(found.scan(1), scan)
     first, second = found.poses
+    # The world is turned over: z up, x where the vehicle headed, the laser above it by 2.3 m.
+    np.testing.assert_allclose(first.rotation @ [0, 0, 1], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(first.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(first.translation, [2.4, 0.01, 2.3], atol=1e-12)
     # The laser looks with its y where the vehicle looks with its x, and with z up, not down.
     np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)
@@ -114,6 +162,25 @@ def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
     )
     np.testing.assert_allclose(between.translation - lever, [1.0, 2.0, 0.1], atol=1e-9)
     np.testing.assert_allclose(between.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-9)
+
+
+def test_ford_scans_that_are_left_out_are_not_read(tmp_path):
+    scan = street(1, 500)
+    scan[7] = 0.0
+    for k in range(5):
+        _ford_file(tmp_path / f"Scan{k:04d}.mat", scan, np.full(6, 0.1 * k), np.uint64(k))
+    write_kitti_poses(tmp_path / "poses.txt", _POSES[:5])
+    (tmp_path / "Scan0001.mat").write_bytes(b"not read")
+    found = open_sequence(tmp_path, every=2, count=2)
+    assert found.names == ("Scan0000", "Scan0002")
+    assert len(found.poses) == 2
+    # The row at (0, 0, 0) is no return.
+    np.testing.assert_array_equal(found.scan(1), np.delete(scan, 7, axis=0))
+    given = open_sequence(tmp_path, tmp_path / "poses.txt", every=2)
+    assert given.poses[1].is_close(_POSES[2], translation=1e-12, rotation=1e-7)
+    np.testing.assert_allclose(given.times, [0.0, 2e-6, 4e-6])
+    with pytest.raises(FormatError, match=r"Scan0001\.mat"):
+        open_sequence(tmp_path)
 
 
 @pytest.mark.parametrize(
