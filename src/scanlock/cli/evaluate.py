@@ -1,21 +1,24 @@
 """``scanlock evaluate``: how far a trajectory is from the true one."""
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from scanlock.cli.choices import Flag
-from scanlock.errors import InvalidInput
+from scanlock.errors import FormatError, InvalidInput
 
 if TYPE_CHECKING:
-    from scanlock.arrays import Vector
+    from scanlock.arrays import Labels, Vector
     from scanlock.evaluation.trajectory_errors import TrajectoryErrors
     from scanlock.geometry.pose import Pose
 
 _MOST_GAP = 0.05
 """Stamps farther apart than this are of other poses [s]; half a sweep at 10 Hz."""
+
+_PARTS = ("rmse", "mean", "median", "largest")
 
 
 def evaluate(
@@ -25,6 +28,7 @@ def evaluate(
     *,
     align: Annotated[Literal["none", "first", "all"], Parameter(negative="")] = "first",
     apart: int = 1,
+    picture: Path | None = None,
     json: Flag = False,
 ) -> None:
     """Compare a trajectory with the true one: absolute, relative and KITTI errors.
@@ -34,85 +38,137 @@ def evaluate(
     estimate : Path
         The trajectory to judge, KITTI or TUM format.
     truth : Path
-        The true one. Two TUM files are matched by time, otherwise row by row.
+        The true one, or a folder of scans with poses. Matched by time if both tell it, else by row.
     align : str
         What is laid together before absolute errors: nothing, the first poses, all positions.
     apart : int
         How many rows the motions of the relative errors span.
+    picture : Path
+        Where to draw both and the errors along the way: .png, .pdf or .svg.
     json : bool
         Print all numbers as JSON, and nothing else.
     """
-    from scanlock.cli.screen import print_json, print_line, print_table
-    from scanlock.evaluation.trajectory_errors import (
-        absolute_errors,
-        kitti_errors,
-        relative_errors,
-    )
+    from scanlock.cli.saving import make_room, require_picture
+    from scanlock.cli.screen import print_json, print_line
 
-    poses = _matched(estimate, truth)
-    found = {
-        "absolute": absolute_errors(*poses, align),
-        f"relative, {apart} apart": relative_errors(*poses, apart),
-    }
-    kitti = kitti_errors(*poses)
-    content: dict[str, Any] = {"poses": len(poses[0])}
-    for name, errors in found.items():
-        content[name] = {
-            "translation_m": _summary(errors.translations),
-            "rotation_deg": _summary(errors.rotations * (180.0 / math.pi)),
-        }
-    content["kitti"] = _kitti(kitti)
+    if picture is not None:
+        require_picture(picture)
+    matched = _matched(_read(estimate), _read(truth))
+    content = _content(matched, align, apart)
+    if picture is not None:
+        from scanlock.report.canvas import save_figure
+        from scanlock.report.trajectory_figure import trajectory_figure
+
+        make_room(picture)
+        title = f"{estimate.name} and {truth.name}"
+        both = matched.estimate, matched.truth
+        save_figure(picture, trajectory_figure(*both, alignment=align, title=title))
     if json:
         print_json(content)
         return
-    heads = ("errors", "rmse", "mean", "median", "largest")
-    rows = [
-        (f"{name} [{unit}]", *(f"{content[name][key][part]:.4f}" for part in heads[1:]))
-        for name in found
-        for key, unit in (("translation_m", "m"), ("rotation_deg", "deg"))
-    ]
-    print_table(heads, rows)
-    if content["kitti"] is None:
-        print_line("KITTI errors need a path of more than 100 m")
-    else:
-        print_line(
-            f"KITTI: {content['kitti']['translation_percent']:.4f} % and "
-            f"{content['kitti']['rotation_deg_per_100_m']:.4f} deg/100 m over {len(kitti)} parts"
+    _show(content)
+    if picture is not None:
+        print_line(f"wrote {picture}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Track:
+    path: Path
+    times: "Vector | None"
+    poses: "list[Pose]"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Matched:
+    estimate: "list[Pose]"
+    truth: "list[Pose]"
+    counts: tuple[int, int]
+
+
+def _read(path: Path) -> _Track:
+    from scanlock.io.sequences import open_sequence, read_trajectory
+
+    if not path.is_dir():
+        return _Track(path, *read_trajectory(path))
+    sequence = open_sequence(path)
+    if not sequence.poses:
+        raise FormatError(
+            f"{path}: expected a folder of scans with their poses, found none ({sequence.title}); "
+            "name a file of poses"
         )
+    return _Track(path, sequence.times, list(sequence.poses))
 
 
-def _matched(estimate: Path, truth: Path) -> "tuple[list[Pose], list[Pose]]":
-    import numpy as np
-
-    from scanlock.io.sequences import read_trajectory
-
-    (here_times, here), (there_times, there) = read_trajectory(estimate), read_trajectory(truth)
-    if here_times is None or there_times is None:
-        if len(here) != len(there):
+def _matched(here: _Track, there: _Track) -> _Matched:
+    counts = len(here.poses), len(there.poses)
+    if here.times is not None and there.times is not None:
+        first, second = _pairs(here.times, there.times)
+        if len(first) == 0:
             raise InvalidInput(
-                f"{estimate} has {len(here)} poses and {truth} {len(there)}; without times in both "
-                "they must be as many, so give both in TUM format"
+                f"no time in {here.path} is within {_MOST_GAP} s of one in {there.path}; check "
+                "that both count from the same moment"
             )
-        return here, there
-    gaps = np.abs(np.asarray(here_times)[:, None] - np.asarray(there_times)[None])
-    nearest = gaps.argmin(axis=1)
-    near = np.flatnonzero(gaps[np.arange(len(here)), nearest] <= _MOST_GAP)
-    if len(near) == 0:
+        poses = [here.poses[row] for row in first], [there.poses[row] for row in second]
+        return _Matched(*poses, counts)
+    if counts[0] != counts[1]:
         raise InvalidInput(
-            f"no time in {estimate} is within {_MOST_GAP} s of one in {truth}; check that both "
-            "count from the same moment"
+            f"{here.path} has {counts[0]} poses and {there.path} {counts[1]}; without times in "
+            "both they must be as many, so give both in TUM format"
         )
-    return [here[row] for row in near], [there[nearest[row]] for row in near]
+    return _Matched(here.poses, there.poses, counts)
 
 
-def _summary(values: "Vector") -> dict[str, float]:
+def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
+    """Return the rows of poses of one moment, in the order of time; each row at most once."""
     import numpy as np
+
+    order = np.argsort(there, kind="stable")
+    after = np.searchsorted(there[order], here).clip(1, max(len(there) - 1, 1))
+    sides = np.stack([after - 1, np.minimum(after, len(there) - 1)])
+    gaps = np.abs(there[order][sides] - here)
+    nearest = order[np.take_along_axis(sides, gaps.argmin(axis=0)[None], axis=0)[0]]
+    gap = gaps.min(axis=0)
+    # The closest comes first, and is the one that is kept of several with the same partner.
+    rows = np.argsort(gap, kind="stable")
+    rows = rows[gap[rows] <= _MOST_GAP]
+    _, once = np.unique(nearest[rows], return_index=True)
+    rows = rows[once]
+    rows = rows[np.argsort(here[rows], kind="stable")]
+    return rows, nearest[rows]
+
+
+def _content(
+    matched: _Matched, align: Literal["none", "first", "all"], apart: int
+) -> dict[str, Any]:
+    from scanlock.evaluation.trajectory_errors import (
+        absolute_errors,
+        kitti_errors,
+        path_lengths,
+        relative_errors,
+    )
+
+    poses = matched.estimate, matched.truth
+    return {
+        "poses": len(matched.truth),
+        "estimate_poses": matched.counts[0],
+        "truth_poses": matched.counts[1],
+        "path_m": float(path_lengths(matched.truth)[-1]),
+        "absolute": {"align": align, **_summary(absolute_errors(*poses, align))},
+        "relative": {"apart": apart, **_summary(relative_errors(*poses, apart))},
+        "kitti": _kitti(kitti_errors(*poses)),
+    }
+
+
+def _summary(errors: "TrajectoryErrors") -> dict[str, dict[str, float]]:
+    import numpy as np
+
+    def summed(values: "Vector") -> dict[str, float]:
+        numbers = np.sqrt(np.mean(values**2)), values.mean(), np.median(values), values.max()
+        return {name: float(value) for name, value in zip(_PARTS, numbers, strict=True)}
 
     return {
-        "rmse": float(np.sqrt(np.mean(values**2))),
-        "mean": float(values.mean()),
-        "median": float(np.median(values)),
-        "largest": float(values.max()),
+        "translation_m": summed(errors.translations),
+        "rotation_deg": summed(errors.rotations * (180.0 / math.pi)),
     }
 
 
@@ -125,3 +181,27 @@ def _kitti(errors: "TrajectoryErrors") -> dict[str, float] | None:
         * math.degrees(float((errors.rotations / errors.lengths).mean())),
         "parts": len(errors),
     }
+
+
+def _show(content: dict[str, Any]) -> None:
+    from scanlock.cli.screen import print_line, print_table, print_title
+
+    print_title(
+        f"{content['poses']:,} poses matched, of {content['estimate_poses']:,} estimated and "
+        f"{content['truth_poses']:,} true, over {content['path_m']:.1f} m"
+    )
+    names = {"absolute": "absolute", "relative": f"relative, {content['relative']['apart']} apart"}
+    rows = [
+        (f"{name} [{unit}]", *(f"{content[key][quantity][part]:.4f}" for part in _PARTS))
+        for key, name in names.items()
+        for quantity, unit in (("translation_m", "m"), ("rotation_deg", "deg"))
+    ]
+    print_table(("errors", *_PARTS), rows)
+    kitti = content["kitti"]
+    if kitti is None:
+        print_line("KITTI errors need a path of more than 100 m")
+        return
+    print_line(
+        f"KITTI: {kitti['translation_percent']:.4f} % and "
+        f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['parts']} parts"
+    )

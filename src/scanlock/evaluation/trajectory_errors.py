@@ -67,6 +67,21 @@ def absolute_errors(
     InvalidInput
         Trajectories of different lengths, or empty.
     """
+    moved = aligned(estimate, truth, alignment)
+    rows = np.arange(len(truth))
+    return _errors(moved, truth, rows, rows, absolute=True)
+
+
+def aligned(
+    estimate: Sequence[Pose], truth: Sequence[Pose], alignment: Alignment = "first"
+) -> list[Pose]:
+    """Return the estimated poses, moved as one into the frame of the true ones.
+
+    Raises
+    ------
+    InvalidInput
+        Trajectories of different lengths, or empty.
+    """
     _require_paired(estimate, truth)
     if alignment == "first":
         shift = truth[0] @ estimate[0].inverse()
@@ -74,8 +89,7 @@ def absolute_errors(
         shift = _umeyama(estimate, truth)
     else:
         shift = Pose.identity()
-    rows = np.arange(len(truth))
-    return _errors([shift @ pose for pose in estimate], truth, rows, rows, absolute=True)
+    return [shift @ pose for pose in estimate]
 
 
 def relative_errors(
@@ -108,7 +122,7 @@ def kitti_errors(
     """
     _require_paired(estimate, truth)
     require_count("every", every)
-    along = _path(truth)
+    along = path_lengths(truth)
     first: list[int] = []
     last: list[int] = []
     nominal: list[float] = []
@@ -129,7 +143,7 @@ def kitti_errors(
 def _errors(
     estimate: Sequence[Pose], truth: Sequence[Pose], first: Labels, last: Labels, *, absolute: bool
 ) -> TrajectoryErrors:
-    along = _path(truth)
+    along = path_lengths(truth)
     translations, rotations = np.empty(len(first)), np.empty(len(first))
     for k, (i, j) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         if absolute:
@@ -144,9 +158,11 @@ def _errors(
     )  # fmt: skip
 
 
-def _path(poses: Sequence[Pose]) -> Vector:
-    steps = np.diff(np.array([pose.translation for pose in poses]), axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+def path_lengths(poses: Sequence[Pose]) -> Vector:
+    """Return the (n,) length [m] of the way from the first pose to each."""
+    places = np.array([pose.translation for pose in poses]).reshape(-1, 3)
+    steps = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=1)
+    return np.cumsum(steps)
 
 
 def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:

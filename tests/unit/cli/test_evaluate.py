@@ -24,7 +24,7 @@ def test_the_errors_of_a_drifting_drive(scanlock, tracks):
     found = json.loads(done.out)
     assert found["poses"] == 150
     np.testing.assert_allclose(found["absolute"]["translation_m"]["largest"], 1.49)
-    turns = found["relative, 1 apart"]["rotation_deg"]
+    turns = found["relative"]["rotation_deg"]
     np.testing.assert_allclose(turns["median"], np.degrees(0.001), rtol=1e-6)
     np.testing.assert_allclose(found["kitti"]["rotation_deg_per_100_m"], 5.787, atol=0.01)
     table = scanlock("evaluate", tracks / "drift.txt", tracks / "truth.txt").out
@@ -35,8 +35,44 @@ def test_the_errors_of_a_drifting_drive(scanlock, tracks):
 def test_stamped_trajectories_are_matched_by_time(scanlock, tracks):
     done = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "truth_tum.txt", "--json")
     found = json.loads(done.out)
-    assert found["poses"] == 75
+    assert (found["poses"], found["estimate_poses"], found["truth_poses"]) == (75, 75, 150)
     np.testing.assert_allclose(found["absolute"]["translation_m"]["largest"], 1.48)
+
+
+def test_each_pose_is_matched_once_with_the_closest_in_time_whatever_the_order(scanlock, tracks):
+    times = np.array([0.52, 0.5, 0.31, 0.0, 7.0, 99.0])
+    rows = [0, 5, 3, 0, 70, 1]
+    write_tum_poses(tracks / "some.txt", times, [_TRUTH[row] for row in rows])
+    done = scanlock("evaluate", tracks / "some.txt", tracks / "truth_tum.txt", "--json")
+    found = json.loads(done.out)
+    # Of 0.52 and 0.5 only the closer is of the fifth pose, and nothing is of 99 s.
+    assert (found["poses"], found["estimate_poses"]) == (4, 6)
+    assert found["absolute"]["translation_m"]["largest"] < 1e-12
+    text = scanlock("evaluate", tracks / "some.txt", tracks / "truth_tum.txt").out
+    assert text.startswith("4 poses matched, of 6 estimated and 150 true, over 70.0 m")
+
+
+def test_a_folder_of_scans_with_poses_is_a_truth(scanlock, tracks):
+    scans = tracks / "sim" / "scans"
+    scans.mkdir(parents=True)
+    for k in range(150):
+        (scans / f"{k:03d}.bin").touch()
+    done = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "sim", "--json")
+    assert done.code == 1
+    assert "expected a folder of scans with their poses" in done.err
+    (tracks / "sim" / "poses_tum.txt").write_bytes((tracks / "truth_tum.txt").read_bytes())
+    by_folder = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "sim", "--json")
+    by_file = scanlock("evaluate", tracks / "drift_tum.txt", tracks / "truth_tum.txt", "--json")
+    assert (by_folder.code, by_folder.out) == (0, by_file.out)
+
+
+def test_a_picture_of_both_is_drawn(scanlock, tracks):
+    both = tracks / "drift.txt", tracks / "truth.txt"
+    path = tracks / "new" / "both.png"
+    done = scanlock("evaluate", *both, "--picture", path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert done.out.endswith(f"wrote {path}\n")
+    assert scanlock("evaluate", *both, "--picture", tracks / "both.gif").code == 1
 
 
 def test_trajectories_that_cannot_be_matched_are_one_line(scanlock, tracks):

@@ -6,7 +6,13 @@ import pytest
 from reference.kitti_metric import segment_errors
 from reference.samples import yaw_pose
 from scanlock.errors import InvalidInput
-from scanlock.evaluation.trajectory_errors import absolute_errors, kitti_errors, relative_errors
+from scanlock.evaluation.trajectory_errors import (
+    absolute_errors,
+    aligned,
+    kitti_errors,
+    path_lengths,
+    relative_errors,
+)
 from scanlock.geometry.pose import Pose
 from scanlock.io import read_kitti_poses
 
@@ -34,6 +40,20 @@ def test_another_world_frame_is_aligned_away(alignment):
     assert found.rotations.max() < 1e-7
     apart = absolute_errors([world @ pose for pose in truth], truth, "none")
     assert apart.translations.min() > 1.0
+
+
+def test_aligning_moves_the_estimate_as_one():
+    truth = _bend(10)
+    world = Pose.from_step(np.array([3.0, -2.0, 1.0, 0.3, -0.2, 2.0]))
+    moved = aligned([world @ pose for pose in truth], truth, "first")
+    for pose, expected in zip(moved, truth, strict=True):
+        assert pose.is_close(expected, translation=1e-12, rotation=1e-7)
+
+
+def test_the_way_is_as_long_as_its_steps():
+    np.testing.assert_allclose(path_lengths(_bend(4, 3.0)), np.hypot(3.0, 0.01) * np.arange(4))
+    assert path_lengths([]).shape == (0,)
+    np.testing.assert_array_equal(path_lengths(_bend(1)), [0.0])
 
 
 def test_aligning_all_positions_leaves_the_least_squares():
