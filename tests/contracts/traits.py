@@ -42,6 +42,10 @@ class Traits:
     motions: tuple[Pose, ...] = NEAR_MOTIONS
     """Motions that are found from the identity; the first is the one of the common scene."""
 
+    metres: float = METRES
+    radians: float = RADIANS
+    """How far a right pose may be from the truth."""
+
     identity_gap: float = 2 * METRES
     """How far points may move when a scan is registered to itself [m]."""
 
@@ -77,6 +81,9 @@ TRAITS: dict[str, Traits] = {
     "gicp": Traits(uses_ground=True),
     "vgicp": Traits(uses_ground=True),
     # The mean and the spread of all pairs set the gate.
+    # A cube of a metre at the edge of the scene holds a handful of points, and its tilt is chance.
+    "ndt": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
+    "ndt-d2d": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
     "icp": Traits(uses_ground=True, is_local=False),
 }
 

@@ -6,6 +6,7 @@ from scanlock.registration.gates import FixedGate
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp, IcpStopping
 from scanlock.registration.methods import METHODS
+from scanlock.registration.ndt import Ndt
 from scanlock.registration.pairing import Pairing
 from scanlock.registration.sgc_ndt import SgcNdt
 
@@ -73,9 +74,20 @@ def gicp_contender() -> Contender:
     return Contender(name=G_ICP, method=method, remark=f"plane to plane, {_PAIRING}")
 
 
+def ndt_contender() -> Contender:
+    """Return NDT as the paper has it: the Point Cloud Library's, cells of 3 m."""
+    return Contender(
+        name=NDT,
+        method=Ndt.das2013(),
+        remark="cells of 3 m, as the paper says, and each point in its own; all points; "
+        "Magnusson's constants for 55 % of outliers; a trust region where the library has a line "
+        "search",
+    )
+
+
 def urban_contenders() -> list[Contender]:
     """Return the methods of the city."""
-    return [icp_contender(), gicp_contender(), *sgc_contenders()]
+    return [icp_contender(), gicp_contender(), ndt_contender(), *sgc_contenders()]
 
 
 def forest_contenders() -> list[Contender]:

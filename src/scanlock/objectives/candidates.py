@@ -74,7 +74,7 @@ class Tiles:
         width = max(least_width, float((high - low).max()) / _MOST_TILES_A_SIDE)
         columns, rows = (int(count) for count in np.floor((high - low) / width) + 1)
         starts, members = tile_lists(means, radii, low, width, columns, rows)
-        return cls(starts, members, low, width, columns, rows)
+        return cls(read_only(starts), read_only(members), low, width, columns, rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
+from scanlock.registration.ndt import Ndt
+from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.solvers.solution import Solution
 
@@ -59,6 +61,8 @@ METHODS: dict[str, Method[Any]] = {
     "gicp": Gicp(),
     "vgicp": Gicp(meeting="voxel"),
     "icp": Icp(),
+    "ndt": Ndt(),
+    "ndt-d2d": NdtD2d(),
 }
 """Each method by name, with its default settings."""
 

@@ -1,6 +1,7 @@
 """Compile the kernels before time matters, by doing once what they are for."""
 
 import math
+from typing import Any, get_args
 
 import numpy as np
 
@@ -9,8 +10,11 @@ from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.ground import GroundFinder
 from scanlock.models.segmentation import Segmenter, segment
 from scanlock.models.sensor_noise import SensorNoise
+from scanlock.objectives.cell_scores import CellMeeting
 from scanlock.registration.icp import Icp
-from scanlock.registration.methods import METHODS
+from scanlock.registration.methods import METHODS, Method
+from scanlock.registration.ndt import Ndt
+from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.pair_fit import PairFit
 from scanlock.registration.register import register
 
@@ -30,7 +34,12 @@ def warm_up() -> None:
     for points in (scan, tilted):
         segment(points)
     Segmenter(ground=GroundFinder.das2013()).segment(scan)
-    others = (Icp(search="delaunay", spacing=1.0), Icp(fit=_PLANES, noise=SensorNoise()))
+    others: list[Method[Any]] = [
+        Icp(search="delaunay", spacing=1.0),
+        Icp(fit=_PLANES, noise=SensorNoise()),
+        NdtD2d(meeting="cells-around", widths=(3.0,)),
+        *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellMeeting)),
+    ]
     for method in (*METHODS.values(), *others):
         register(source=scan + _STEP, target=scan, method=method)
 
