@@ -32,11 +32,13 @@ def crispness(
     from scanlock.evaluation.crispness import crispness as counted
 
     rows: list[dict[str, str | int | float]] = []
+    origin = None
     for path in (map, *more):
-        points = (reading or Reading()).load(path).returns
-        # Far from zero the voxels are those of the map less its origin, whole metres of it.
-        cloud = PointCloud.from_array(points)
-        voxels = counted(cloud.points, width)
+        cloud = PointCloud.from_array((reading or Reading()).load(path).returns)
+        # In map coordinates, voxels have a corner at the first map's origin: one grid for all.
+        origin = cloud.origin if origin is None else origin
+        shift = cloud.origin - origin
+        voxels = counted(cloud.points + shift if shift.any() else cloud.points, width)
         rows.append({"map": str(path), "points": len(cloud), "voxels": voxels, "width_m": width})
     if json:
         print_json({"maps": rows})

@@ -1,5 +1,7 @@
 """``scanlock map``: a folder of scans to a trajectory and a map."""
 
+import csv
+import io
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -7,15 +9,28 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from scanlock.cli.choices import MethodName
-from scanlock.errors import InvalidInput, require_count, require_positive
+from scanlock.errors import InvalidInput, MissingExtra, require_count, require_positive
 
 if TYPE_CHECKING:
-    from scanlock.arrays import Vector
+    from scanlock.geometry.pose import Pose
     from scanlock.io.sequences import ScanSequence
     from scanlock.pipelines.mapping import MappedScan
     from scanlock.registration.result import Registration
 
-_TABLE = "scan,target,source,status,overlap,score,moved_m,turned_deg,evaluations,reason\n"
+_HEADS = (
+    "scan",
+    "target",
+    "source",
+    "status",
+    "overlap",
+    "score",
+    "moved_m",
+    "turned_deg",
+    "evaluations",
+    "reason",
+)
+_NAMED = 8
+"""How many doubtful scans are named on the screen; the table has all."""
 
 
 def map_folder(
@@ -27,6 +42,7 @@ def map_folder(
     every: int = 1,
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
+    doubt: Literal["keep", "stop"] = "keep",
     width: float = 0.1,
 ) -> int:
     """Register each scan to the one before, and lay all of them into one map.
@@ -45,6 +61,8 @@ def map_folder(
         Take so many at most; all by default.
     guess : str
         Where registrations begin: at no motion, or at the last one.
+    doubt : str
+        Keep the best pose of a pair that is not to be trusted, or stop before its scan.
     width : float
         The map keeps one point in each voxel of this side [m].
 
@@ -54,9 +72,7 @@ def map_folder(
         The exit code: 0 if every pair is to be trusted, 2 if not.
     """
     from scanlock.cli.compiling import compile_watch
-    from scanlock.cli.screen import counting, print_facts, print_line, print_status
-    from scanlock.experiments.voxel_map import VoxelMap
-    from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
+    from scanlock.cli.screen import counting
     from scanlock.io.sequences import open_sequence
     from scanlock.pipelines.mapping import mapped_scans
 
@@ -65,67 +81,150 @@ def map_folder(
     require_positive("--width", width, unit="m")
     if (output / "map.ply").exists():
         raise InvalidInput(f"{output} holds a map already; name another folder, or remove it")
-    sequence = open_sequence(folder).taken(every, scans)
+    sequence = open_sequence(folder, every=every, count=scans)
     if len(sequence) < 2:
         raise InvalidInput(f"{folder} must give at least 2 scans to map, got {len(sequence)}")
     output.mkdir(parents=True, exist_ok=True)
-    laid, done = VoxelMap(width), list["MappedScan"]()
+    drive = _Drive(sequence, width)
     with compile_watch():
         steps = mapped_scans(
             (sequence.scan(index) for index in counting(range(len(sequence)), "scans")),
             method=method,
             guess=guess,
         )
-        for step in steps:
-            laid.add(step.pose.apply(step.cloud.points + step.cloud.origin))
-            done.append(step)
-    poses = [step.pose for step in done]
-    write_kitti_poses(output / "trajectory_kitti.txt", poses)
-    write_tum_poses(output / "trajectory_tum.txt", sequence.times, poses)
-    write_scan(output / "map.ply", laid.points)
-    with atomic_file(output / "pairs.csv") as handle:
-        handle.write(_table(sequence, done).encode())
-    doubtful = [sequence.names[index] for index, step in enumerate(done) if not step.ok]
-    count = len(done) - 1
-    print_status(
-        "ok" if not doubtful else "doubtful",
-        f"{count - len(doubtful)} of {count} pairs are to be trusted",
-        good=not doubtful,
-    )
-    facts = [
-        ("scans", f"{len(done)} of {folder} ({sequence.title})"),
-        ("path", f"{_length(poses[0].translation, [pose.translation for pose in poses]):.1f} m"),
-        ("map", f"{len(laid):,} voxels of {width:g} m filled"),
-    ]
-    if doubtful:
-        shown = ", ".join(doubtful[:8]) + (", ..." if len(doubtful) > 8 else "")
-        facts.append(("not ok", f"the motions to {shown}: all after them stands on these"))
-    print_facts(facts)
-    print_line(f"wrote map.ply, trajectories and pairs.csv to {output}")
-    return 2 if doubtful else 0
+        try:
+            for step in steps:
+                if drive.add(step, doubt) == "stopped":
+                    break
+        except BaseException:
+            # A broken scan or an interrupt after hours leaves the map up to there.
+            _say(drive.write(output))
+            raise
+    wrote = drive.write(output)
+    drive.show(folder)
+    _say(wrote)
+    return 2 if drive.doubtful else 0
 
 
-def _table(sequence: "ScanSequence", steps: "list[MappedScan]") -> str:
-    rows = [
-        _row(index, sequence.names[index - 1], sequence.names[index], step.registration)
-        for index, step in enumerate(steps)
-        if step.registration is not None
-    ]
-    return _TABLE + "".join(rows)
+class _Drive:
+    """The map, the trajectory and the table, as far as they have come.
+
+    Attributes
+    ----------
+    doubtful : list of int
+        Scans whose motion from the one before is not to be trusted.
+    """
+
+    def __init__(self, sequence: "ScanSequence", width: float) -> None:
+        from scanlock.experiments.voxel_map import VoxelMap
+
+        self.doubtful: list[int] = []
+        self._sequence = sequence
+        self._width = width
+        self._map = VoxelMap(width)
+        self._poses: list[Pose] = []
+        self._rows: list[tuple[str | int, ...]] = []
+
+    def add(self, step: "MappedScan", doubt: Literal["keep", "stop"]) -> Literal["laid", "stopped"]:
+        """Lay a scan into the map, unless its motion is in doubt and that is to end the drive."""
+        index = len(self._poses)
+        if step.registration is not None:
+            names = self._sequence.names
+            self._rows.append(_row(index, names[index - 1], names[index], step.registration))
+        if not step.ok:
+            self.doubtful.append(index)
+            if doubt == "stop":
+                return "stopped"
+        # Rounded as the file has them, so that its points fill as many voxels as are counted.
+        laid = step.pose.apply(step.cloud.points + step.cloud.origin).astype("float32")
+        self._map.add(laid.astype("float64"))
+        self._poses.append(step.pose)
+        return "laid"
+
+    def write(self, output: Path) -> str:
+        """Write what there is, and return what to say of it."""
+        from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
+
+        if not self._poses:
+            return ""
+        times = self._sequence.times[: len(self._poses)]
+        write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
+        write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
+        with atomic_file(output / "pairs.csv") as handle:
+            table = io.StringIO()
+            csv.writer(table, lineterminator="\n").writerows([_HEADS, *self._rows])
+            handle.write(table.getvalue().encode())
+        write_scan(output / "map.ply", self._map.points)
+        try:
+            self._draw(output / "map.png")
+        except MissingExtra as missing:
+            return f"wrote map.ply, trajectories and pairs.csv to {output}\nno picture: {missing}"
+        return f"wrote map.ply, map.png, trajectories and pairs.csv to {output}"
+
+    def show(self, folder: Path) -> None:
+        """Print the verdict and the figures of the drive."""
+        from scanlock.cli.screen import print_facts, print_status
+
+        of = len(self._sequence)
+        count = len(self._rows)
+        print_status(
+            "doubtful" if self.doubtful else "ok",
+            f"{count - len(self.doubtful)} of {count} pairs are to be trusted",
+            good=not self.doubtful,
+        )
+        facts = [
+            ("scans", f"{len(self._poses)} of {folder} ({self._sequence.title})"),
+            ("path", f"{self._length():.1f} m"),
+            ("map", f"{len(self._map):,} voxels of {self._width:g} m filled"),
+        ]
+        if self.doubtful:
+            names = [self._sequence.names[index] for index in self.doubtful]
+            shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            stopped = self.doubtful[-1] == len(self._poses)
+            left = f"stopped there, {of - len(self._poses)} of {of} scans left out"
+            end = left if stopped else "all after them stands on these"
+            facts.append(("not ok", f"the motions to {shown}: {end}"))
+        print_facts(facts)
+
+    def _draw(self, path: Path) -> None:
+        import numpy as np
+
+        from scanlock.report.canvas import require_figures, save_figure
+        from scanlock.report.drive_figure import drive_figure
+
+        require_figures()
+        places = np.array([pose.translation for pose in self._poses])
+        kept = [index for index in self.doubtful if index < len(places)]
+        title = f"{len(places)} scans, {self._length():.0f} m"
+        points = self._map.points.astype(np.float64)
+        save_figure(path, drive_figure(points, places, doubtful=kept, title=title))
+
+    def _length(self) -> float:
+        from scanlock.evaluation.trajectory_errors import path_lengths
+
+        return float(path_lengths(self._poses)[-1])
 
 
-def _row(index: int, target: str, source: str, found: "Registration") -> str:
+def _row(index: int, target: str, source: str, found: "Registration") -> tuple[str | int, ...]:
     from scanlock.geometry.pose import Pose
 
     metres, radians = found.target_from_source.distance(Pose.identity())
-    reason = found.reason.replace('"', "'")
     return (
-        f"{index},{target},{source},{found.status.value},{found.overlap:.6f},{found.score:.6f},"
-        f'{metres:.6f},{math.degrees(radians):.6f},{found.iterations},"{reason}"\n'
+        index,
+        target,
+        source,
+        found.status.value,
+        f"{found.overlap:.6f}",
+        f"{found.score:.6f}",
+        f"{metres:.6f}",
+        f"{math.degrees(radians):.6f}",
+        found.iterations,
+        found.reason,
     )
 
 
-def _length(start: "Vector", places: "list[Vector]") -> float:
-    import numpy as np
+def _say(text: str) -> None:
+    from scanlock.cli.screen import print_line
 
-    return float(np.linalg.norm(np.diff(np.array([start, *places]), axis=0), axis=1).sum())
+    for line in text.splitlines():
+        print_line(line)

@@ -52,7 +52,8 @@ def mapped_scans(
 
     Each scan is prepared once and registered to the one before. A motion whose registration is
     not ok enters the chain as the best pose seen, or as the guess where nothing met, and the
-    scan says so: everything after it stands on that motion.
+    scan says so: everything after it stands on that motion. Who wants none of that takes no more
+    scans after the first that is not ok.
 
     Parameters
     ----------

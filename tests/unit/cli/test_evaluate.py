@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reference.samples import yaw_pose
-from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
+from scanlock.io import write_kitti_poses, write_tum_poses
 
 _TRUTH = [yaw_pose(0.0, (1.0 * k, 0.0, 0.0)) for k in range(150)]
 _DRIFT = [yaw_pose(0.001 * k, (1.01 * k, 0.0, 0.0)) for k in range(150)]
@@ -90,14 +90,3 @@ def test_a_short_path_has_no_kitti_errors(scanlock, tmp_path):
     done = scanlock("evaluate", tmp_path / "short.txt", tmp_path / "short.txt", "--align", "all")
     assert done.code == 0
     assert "need a path of more than 100 m" in done.out
-
-
-def test_maps_are_compared_by_the_voxels_they_fill(scanlock, tmp_path):
-    grid = np.mgrid[0:1:0.05, 0:1:0.05, 0:1:0.5].reshape(3, -1).T + 0.01
-    write_scan(tmp_path / "crisp.ply", grid)
-    write_scan(tmp_path / "blurred.ply", np.vstack([grid, grid + np.array([0.0, 0.0, 0.1])]))
-    done = scanlock("crispness", tmp_path / "crisp.ply", tmp_path / "blurred.ply", "--json")
-    assert [row["voxels"] for row in json.loads(done.out)["maps"]] == [200, 400]
-    wide = scanlock("crispness", tmp_path / "crisp.ply", "--width", "0.5")
-    assert wide.out.split()[-4:-1] == ["8", "0.5", "800"]
-    assert scanlock("crispness", tmp_path / "crisp.ply", "--width", "0").code == 1

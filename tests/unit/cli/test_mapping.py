@@ -1,3 +1,7 @@
+import csv
+import json
+import sys
+
 import numpy as np
 import pytest
 
@@ -28,9 +32,19 @@ def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_pa
     cloud = read_scan(tmp_path / "out" / "map.ply").points
     assert f"{len(cloud):,} voxels of 0.1 m" in done.out
     assert 10_000 < len(cloud) < 4 * 7000
-    rows = (tmp_path / "out" / "pairs.csv").read_text().splitlines()
-    assert len(rows) == 4
-    assert rows[1].startswith("1,0,1,ok,")
+    # What is counted is what the file holds.
+    counted = scanlock("crispness", tmp_path / "out" / "map.ply", "--json")
+    assert json.loads(counted.out)["maps"][0]["voxels"] == len(cloud)
+    with (tmp_path / "out" / "pairs.csv").open(newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    assert [(row["target"], row["source"], row["status"]) for row in rows] == [
+        ("0", "1", "ok"),
+        ("1", "2", "ok"),
+        ("2", "3", "ok"),
+    ]
+    np.testing.assert_allclose([float(row["moved_m"]) for row in rows], 1.5, atol=0.1)
+    np.testing.assert_allclose([float(row["turned_deg"]) for row in rows], 5.73, atol=0.5)
+    assert (tmp_path / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
     # A map is the work of minutes: it is never overwritten.
     again = scanlock("map", drive, "-o", tmp_path / "out")
     assert again.code == 1
@@ -44,13 +58,63 @@ def test_the_same_folder_twice_gives_the_same_bytes(scanlock, drive, tmp_path):
         assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
 
 
-def test_a_pair_that_is_not_to_be_trusted_is_named(scanlock, drive, tmp_path):
-    for k in range(2):
-        write_scan(tmp_path / f"{k}.npy", street(k, layout=50 + k))
-    done = scanlock("map", tmp_path, "-o", tmp_path / "out", "--guess", "identity")
+@pytest.fixture
+def broken_chain(tmp_path):
+    """Three scans of one place, the last from another world."""
+    folder = tmp_path / "broken"
+    folder.mkdir()
+    for k, layout in enumerate((42, 42, 77, 77)):
+        write_scan(folder / f"{k}.npy", street(k + 1, layout=layout))
+    return folder
+
+
+def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_chain, tmp_path):
+    done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--guess", "identity")
+    assert (done.code, done.err) == (2, "")
+    assert done.out.startswith("doubtful  2 of 3 pairs")
+    assert "the motions to 2: all after them stands on these" in done.out
+    assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 4
+    statuses = (tmp_path / "out" / "pairs.csv").read_text()
+    assert statuses.count(",ok,") == 2
+
+
+def test_a_drive_can_be_stopped_before_the_first_doubtful_scan(scanlock, broken_chain, tmp_path):
+    done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--doubt", "stop")
     assert done.code == 2
-    assert done.out.startswith("doubtful  0 of 1 pairs")
-    assert "the motions to 1" in done.out
+    assert done.out.startswith("doubtful  1 of 2 pairs")
+    joined = " ".join(done.out.split())
+    assert "the motions to 2: stopped there, 2 of 4 scans left out" in joined
+    assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 2
+    with (tmp_path / "out" / "pairs.csv").open(newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    assert rows[0]["status"] == "ok"
+    assert rows[1]["status"] != "ok"
+    assert len(rows) == 2
+
+
+def test_a_broken_scan_leaves_the_map_up_to_it(scanlock, drive, tmp_path):
+    folder = tmp_path / "cut"
+    folder.mkdir()
+    for k in range(3):
+        data = (drive / f"{k}.npy").read_bytes()
+        (folder / f"{k}.npy").write_bytes(data[: len(data) // (1 + k // 2)])
+    done = scanlock("map", folder, "-o", tmp_path / "out")
+    assert done.code == 1
+    assert "2.npy" in done.err
+    assert f"to {tmp_path / 'out'}" in done.out
+    assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 2
+    assert len(read_scan(tmp_path / "out" / "map.ply")) > 5000
+
+
+def test_without_matplotlib_there_is_no_picture_and_all_else(
+    scanlock, monkeypatch, drive, tmp_path
+):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    done = scanlock("map", drive, "-o", tmp_path / "out", "--scans", "2")
+    assert done.code == 0
+    assert 'no picture: figures need Matplotlib; install it with: pip install "scanlock' in done.out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"map.ply", "pairs.csv", "trajectory_kitti.txt", "trajectory_tum.txt"}
 
 
 @pytest.mark.parametrize(
