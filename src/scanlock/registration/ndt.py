@@ -14,7 +14,7 @@ from scanlock.objectives.gaussian_scores import PointsToGaussians, ScoreShape
 from scanlock.objectives.quadratic import Objective
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.in_turn import Stage, loosened, minimise_in_turn
-from scanlock.registration.landmarks import LEAST_PARTS
+from scanlock.registration.scales import dense_scales
 from scanlock.registration.voxel_scan import VoxelScan, prepare_voxels, require_widths
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
@@ -31,7 +31,8 @@ class Ndt:
     widths: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
     """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
 
-    The first sets the basin, the last the precision; 0.5 m starves where a scan is sparse.
+    The first sets the basin, the last the precision; a width is passed over where most points of
+    the target lie in cells of too few.
     """
 
     meeting: Meeting = "near-cells"
@@ -83,9 +84,10 @@ class Ndt:
     def _stages(
         self, target: VoxelScan, source: VoxelScan, restraint: Restraint
     ) -> Iterator[Stage]:
-        scales = [voxels for voxels in target.voxels if len(voxels) >= LEAST_PARTS]
-        for voxels in scales:
-            loose = 0.0 if voxels is scales[-1] else self.loose_step * voxels.width
+        scales = dense_scales(target)
+        for scale in scales:
+            voxels = target.voxels[scale]
+            loose = 0.0 if scale == scales[-1] else self.loose_step * voxels.width
             objective = self._objective(voxels, source.points)
             yield loosened(self.solver, loose), restraint.on(objective)
 

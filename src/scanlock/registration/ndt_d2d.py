@@ -13,7 +13,7 @@ from scanlock.objectives.candidates import Candidates, CellsAround, NearestTarge
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.in_turn import Stage, loosened, minimise_in_turn
-from scanlock.registration.landmarks import LEAST_PARTS
+from scanlock.registration.scales import dense_scales
 from scanlock.registration.voxel_scan import VoxelScan, prepare_voxels, require_widths
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
@@ -36,7 +36,8 @@ class NdtD2d:
     widths: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
     """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
 
-    The first sets the basin, the last the precision; 0.5 m starves where a scan is sparse.
+    The first sets the basin, the last the precision; a width is passed over where most points of
+    either scan lie in cells of too few.
     """
 
     meeting: Meeting = "all"
@@ -99,12 +100,10 @@ class NdtD2d:
     def _stages(
         self, target: VoxelScan, source: VoxelScan, restraint: Restraint
     ) -> Iterator[Stage]:
-        both = zip(target.voxels, source.voxels, strict=True)
-        scales = [
-            (stays, moves) for stays, moves in both if min(len(stays), len(moves)) >= LEAST_PARTS
-        ]
-        for stays, moves in scales:
-            loose = 0.0 if stays is scales[-1][0] else self.loose_step * stays.width
+        scales = dense_scales(target, source)
+        for scale in scales:
+            stays, moves = target.voxels[scale], source.voxels[scale]
+            loose = 0.0 if scale == scales[-1] else self.loose_step * stays.width
             objective = GaussiansToGaussians(
                 target=stays.gaussians,
                 source=moves.gaussians,

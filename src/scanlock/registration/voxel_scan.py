@@ -9,8 +9,9 @@ from scanlock.arrays import Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_positive
+from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.registration.landmarks import LEAST_PARTS
+from scanlock.registration.scales import shares_of, shortage_of
 from scanlock.registration.stages import StageClock
 
 
@@ -26,6 +27,8 @@ class VoxelScan:
         Its thinned points.
     voxels : tuple of VoxelGaussians
         One set for each width, coarsest first.
+    shares : tuple of float
+        Share of all points that each set holds.
     timings : mapping of str to float [s]
         Wall time of each stage.
     """
@@ -33,6 +36,7 @@ class VoxelScan:
     cloud: PointCloud
     points: Points
     voxels: tuple[VoxelGaussians, ...]
+    shares: tuple[float, ...]
     timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -45,12 +49,14 @@ class VoxelScan:
         return (f"{found}, of {len(self.points)} points",)
 
     @property
+    def gaussians(self) -> tuple[Gaussians, ...]:
+        """Those of the voxels."""
+        return tuple(one.gaussians for one in self.voxels)
+
+    @property
     def shortage(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
-        most = max(len(one) for one in self.voxels)
-        if most >= LEAST_PARTS:
-            return ""
-        return f"holds {most} cells with enough points, of {LEAST_PARTS} needed"
+        return shortage_of(self, "cells with enough points")
 
 
 def prepare_voxels(
@@ -66,7 +72,8 @@ def prepare_voxels(
         voxels = tuple(grid.gaussians(points, width) for width in widths)
     with clock.stage("thin"):
         thinned = voxel_means(points, spacing) if spacing > 0.0 else points
-    return VoxelScan(cloud, read_only(thinned), voxels, clock.seconds)
+    shares = shares_of([one.gaussians for one in voxels], len(points))
+    return VoxelScan(cloud, read_only(thinned), voxels, shares, clock.seconds)
 
 
 def require_widths(widths: Sequence[float]) -> None:
