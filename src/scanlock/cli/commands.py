@@ -78,7 +78,8 @@ Examples:
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or what
-scanlock simulate wrote. Exit code: 2 if a pair is not to be trusted.
+scanlock simulate wrote. An interrupt leaves the map up to there.
+Exit code: 2 if a pair is not to be trusted.
 """,
     ),
     "evaluate": Command(
@@ -86,7 +87,8 @@ scanlock simulate wrote. Exit code: 2 if a pair is not to be trusted.
         help="Compare a trajectory with the true one.",
         epilogue="""\
 Examples:
-  scanlock evaluate trajectory_tum.txt truth_tum.txt
+  scanlock evaluate trajectory_tum.txt truth_tum.txt --picture both.png
+  scanlock evaluate map/trajectory_tum.txt sequences/07
   scanlock evaluate poses.txt 07.txt --align all --json
 """,
     ),
