@@ -84,6 +84,15 @@ TRAITS: dict[str, Traits] = {
     # A cube of a metre at the edge of the scene holds a handful of points, and its tilt is chance.
     "ndt": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
     "ndt-d2d": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
+    # Seeds are drawn from the points in their order, so another order makes other clusters.
+    "mskm-ndt": Traits(
+        radians=2 * RADIANS,
+        common_gap=5 * METRES,
+        half_turn_gap=2 * METRES,
+        order_gap=2 * METRES,
+        uses_ground=True,
+        is_local=False,
+    ),
     "icp": Traits(uses_ground=True, is_local=False),
 }
 

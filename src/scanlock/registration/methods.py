@@ -8,6 +8,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
+from scanlock.registration.mskm_ndt import MskmNdt
 from scanlock.registration.ndt import Ndt
 from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.sgc_ndt import SgcNdt
@@ -63,6 +64,7 @@ METHODS: dict[str, Method[Any]] = {
     "icp": Icp(),
     "ndt": Ndt(),
     "ndt-d2d": NdtD2d(),
+    "mskm-ndt": MskmNdt(),
 }
 """Each method by name, with its default settings."""
 

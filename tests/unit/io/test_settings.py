@@ -109,7 +109,7 @@ def test_each_setting_is_explained_once_with_its_choices():
     place = lines.index('score = "d2d"')
     assert lines[place - 2].startswith("# Gaussians of the source, or its obstacle points")
     assert lines[place - 1].endswith('One of "d2d", "p2d".')
-    assert "One of Newton, LevenbergMarquardt," in text
+    assert "One of Newton, LineSearchNewton," in text
     assert text.count("# Standard deviation added to every Gaussian [m]") == 1
     assert text.count("[[schedule.scales]]") == len(SgcNdt().schedule.scales)
     assert "`" not in text
