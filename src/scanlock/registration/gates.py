@@ -42,7 +42,7 @@ class Gate(Protocol):
         distances : (n,) [m]
             Of all pairs, at least one.
         previous : float [m]
-            The limit of the iteration before; infinite in the first one.
+            The limit of the iteration before; infinite until there is one to heed.
         spacing : float [m]
             Typical distance between neighbouring points of the target.
         """
@@ -122,9 +122,10 @@ class AdaptiveGate:
     mean distance at the right pose to two or three times that of scans from one place.
     """
 
-    statistics: Literal["all", "kept"] = "all"
-    """Mean and deviation of all pairs, as in the paper, or of those within the previous limit, as
-    in Zhang 1994."""
+    statistics: Literal["all", "kept"] = "kept"
+    """Mean and deviation of the pairs within the previous limit, as in Zhang 1994, or of all, as
+    in the paper. What only one scan shows lifts the statistics of all pairs for good, so that the
+    limit stays wide at the right pose."""
 
     least_limit: float = 0.5
     """The limit is never below this share of D: closer pairs differ by sampling alone."""

@@ -1,7 +1,7 @@
 """Iterative closest points: the algorithm of Madhavan and Messina 2003, section 2.1."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -9,64 +9,20 @@ from scanlock.clouds.neighbours import Search, closest_points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.errors import require_at_least, require_count, require_positive
+from scanlock.errors import require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.models.surfaces import LEAST_NEIGHBOURS, surface_normals
 from scanlock.objectives.quadratic import Quadratic
 from scanlock.objectives.restraint import FREE, Restraint
+from scanlock.registration.annealing import AnnealedStart
+from scanlock.registration.gates import AdaptiveGate
+from scanlock.registration.icp_trail import IcpStopping, Trail
 from scanlock.registration.pair_fit import PairFit
 from scanlock.registration.pairing import LEAST_POINTS, Pairing, PointScan, typical_spacing
 from scanlock.registration.stages import StageClock
-from scanlock.solvers.solution import Iteration, Solution
+from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class IcpStopping:
-    """The three ways to stop of the paper: near enough, no more change, or too long."""
-
-    mean_distance: float | None = None
-    """Stop when the pairs are this close on average [m]; None never asks."""
-
-    change: float = 0.0
-    """Stop when translation and rotation change by no more than this share of themselves, 0.01
-    in Zhang 1994. Shares of a motion near zero mean nothing, so `step` counts besides."""
-
-    step: float = 1e-6
-    """Stop when the pose changes by less than this [m], rotations counted at the lever."""
-
-    iterations: int = 100
-    """Pairings allowed."""
-
-    def __post_init__(self) -> None:
-        if self.mean_distance is not None:
-            require_positive("mean_distance", self.mean_distance, unit="m")
-        require_at_least("change", self.change, 0.0)
-        require_positive("step", self.step, unit="m")
-        require_count("iterations", self.iterations)
-
-    def reason(self, history: list[Iteration]) -> tuple[StopReason | None, str]:
-        """Return why to stop after the last of these iterations, and a note; None to go on."""
-        last = history[-1]
-        if self.mean_distance is not None and last.mean_distance <= self.mean_distance:
-            return StopReason.STEP_SMALL, (
-                f"stopped at a mean pair distance of {last.mean_distance:.4g} m, at most "
-                f"{self.mean_distance:g} m"
-            )
-        if len(history) > 1:
-            if last.step_norm < self.step:
-                return StopReason.STEP_SMALL, "stopped because the pose changed no more"
-            metres, radians = last.pose.distance(history[-2].pose)
-            distance, angle = last.pose.distance(Pose.identity())
-            if metres <= self.change * distance and radians <= self.change * angle:
-                return StopReason.STEP_SMALL, (
-                    f"stopped because translation and rotation changed by {self.change:g} of "
-                    "themselves at most"
-                )
-        if len(history) >= self.iterations:
-            return StopReason.ITERATION_LIMIT, f"stopped after {self.iterations} iterations"
-        return None, ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,6 +34,12 @@ class Icp:
 
     pairing: Pairing = field(default_factory=Pairing)
     """Which pairs count, and how much."""
+
+    settling: float = 0.01
+    """An adaptive gate looks at all pairs until the pose moves by less than this [m], rotations
+    counted at the lever, and from then on at those within its last limit: a wide basin first, a
+    precise end after it. With infinity it looks at the latter from the second iteration on, as
+    in Zhang 1994; gates with statistics of all pairs never do."""
 
     fit: PairFit = field(default_factory=PairFit)
     """How pairs become a motion."""
@@ -95,7 +57,32 @@ class Icp:
     stopping: IcpStopping = field(default_factory=IcpStopping)
     """When to stop."""
 
+    annealing: AnnealedStart | None = None
+    """Search for starts by simulated annealing, and descend from each; None descends from the
+    initial pose alone."""
+
+    @classmethod
+    def madhavan2003(cls, good_distance: float | None = None) -> "Icp":
+        """Return ICP as the paper has it: all points, a Delaunay search, statistics of all pairs.
+
+        The paper leaves open when a change is small, which is taken from Zhang 1994, and D.
+
+        Parameters
+        ----------
+        good_distance : float, optional [m]
+            The paper's D; three times the spacing of the target by default.
+        """
+        gate = AdaptiveGate(good_distance=good_distance, statistics="all")
+        return cls(
+            search="delaunay",
+            pairing=Pairing(gate=gate, reach=math.inf),
+            spacing=None,
+            stopping=IcpStopping(change=0.01),
+        )
+
     def __post_init__(self) -> None:
+        if self.settling != math.inf:
+            require_positive("settling", self.settling, unit="m")
         if self.spacing is not None:
             require_positive("spacing", self.spacing, unit="m")
         require_count("neighbours", self.neighbours, LEAST_NEIGHBOURS)
@@ -117,10 +104,16 @@ class Icp:
                 normals = surface_normals(tree, self.neighbours)
             if self.noise is not None:
                 covariances = self.noise.covariances(tree.points)
+        sample = np.zeros((0, 3))
+        if self.annealing is not None:
+            with clock.stage("sample"):
+                sample = self.annealing.sampled(cloud)
         notes = [f"{len(tree)} points to pair, {spacing:.3g} m apart"]
         if self.noise is not None and cloud.origin.any():
             notes.append("sensor noise taken about the origin, where the sensor may not be")
-        return PointScan(cloud, closest, spacing, normals, covariances, tuple(notes), clock.seconds)
+        return PointScan(
+            cloud, closest, spacing, normals, covariances, sample, tuple(notes), clock.seconds
+        )
 
     def align(
         self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint = FREE
@@ -131,46 +124,48 @@ class Icp:
         there, and how far apart the pairs are that count. A start where fewer than 10 points
         meet is returned untouched, with NO_SUPPORT.
         """
-        pose, limit, moved, history = start, math.inf, 0.0, list[Iteration]()
-        notes = [self.pairing.gate.note(target.spacing)]
+        if self.annealing is None:
+            return self._descend(target, source, start, restraint)
+        starts = self.annealing.poses(target, source, start, restraint)
+        found = [self._descend(target, source, pose, restraint) for pose in starts]
+        supported = [one for one in found if one.reason is not StopReason.NO_SUPPORT]
+        if not supported:
+            return found[0]
+        gaps = [self.annealing.trimmed_distance(target, source, one.pose) for one in supported]
+        note = f"annealing found {len(starts) - 1} starts; trimmed distance {min(gaps):.3g} m"
+        best = supported[int(np.argmin(gaps))]
+        return replace(best, notes=(*best.notes, note))
+
+    def _descend(
+        self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint
+    ) -> Solution:
+        """Pair and fit in turn."""
+        trail = Trail(self.fit.lever)
+        trail.note(self.pairing.gate.note(target.spacing))
+        pose, most = start, math.inf
         while True:
-            pairs = self.pairing.pair(target, source, pose, limit, self.fit.residual)
+            previous = trail.settled_limit(self.settling)
+            pairs = self.pairing.pair(target, source, pose, previous, most, self.fit.residual)
             if len(pairs) < LEAST_POINTS:
-                history.append(
-                    Iteration(0.0, 0.0, moved, False, pose, pairs.mean_distance, len(pairs))
-                )
-                return Solution(start, _NOTHING, StopReason.NO_SUPPORT, tuple(history))
-            limit = pairs.limit
+                trail.add(_NOTHING, pose, pairs, accepted=False)
+                return trail.solution(start, _NOTHING, StopReason.NO_SUPPORT)
             objective = self.fit.objective(target, source, pairs, pose)
             quadratic = restraint.on(objective).linearise(pose)
-            slope = self._scaled_norm(quadratic)
-            history.append(
-                Iteration(
-                    quadratic.value, slope, moved, True, pose, pairs.mean_distance, len(pairs)
-                )
-            )
-            reason, note = self.stopping.reason(history)
-            notes.append(note)
+            trail.add(quadratic, pose, pairs)
+            reason, note = self.stopping.reason(trail.history)
+            if reason is None and (period := trail.period(self.stopping.step)):
+                # Limits that grow and shrink in turn are held at their least; what comes back
+                # even so are pairs that change sides, for ever.
+                reason = StopReason.STEP_SMALL if most < math.inf else None
+                most = min(trail.limits[-period:])
+                note = f"the same pairs came back: limit held at {most:.3g} m"
+            trail.note(note)
             if reason is not None:
-                notes.append(
-                    f"{len(pairs)} pairs, {len(pairs) / len(source.points):.0%} of the source"
-                )
-                return Solution(
-                    pose,
-                    quadratic,
-                    reason,
-                    tuple(history),
-                    tuple(dict.fromkeys(filter(None, notes))),
-                )
-            before = pose
+                share = len(pairs) / len(source.points)
+                trail.note(f"{len(pairs)} pairs, {share:.0%} of the source")
+                return trail.solution(pose, quadratic, reason)
             pose, note = self.fit.moved(objective, quadratic, pose, restraint)
-            notes.append(note)
-            metres, radians = pose.distance(before)
-            moved = math.hypot(metres, self.fit.lever * radians)
-
-    def _scaled_norm(self, quadratic: Quadratic) -> float:
-        gradient = quadratic.gradient
-        return math.hypot(*gradient[:3], *(gradient[3:] / self.fit.lever))
+            trail.note(note)
 
 
 _NOTHING = Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))

@@ -41,6 +41,8 @@ class PointScan:
         Unit normals of the surface around each; (0, 3) where the settings need none.
     covariances : (n, 6) [m^2]
         Of the sensor's noise at each, packed; (0, 6) without a noise model.
+    sample : (k, 3) [m]
+        What the search for a start looks up; (0, 3) without such a search.
     notes : tuple of str
         What was found on the way.
     timings : mapping of str to float [s]
@@ -52,11 +54,12 @@ class PointScan:
     spacing: float
     normals: Points
     covariances: Matrix
+    sample: Points
     notes: tuple[str, ...]
     timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        for array in (self.normals, self.covariances):
+        for array in (self.normals, self.covariances, self.sample):
             frozen(array)
 
     @property
@@ -131,6 +134,7 @@ class Pairing:
         source: PointScan,
         pose: Pose,
         previous: float,
+        most: float,
         residual: Residual,
     ) -> Pairs:
         """Return the pairs that count at a pose.
@@ -141,7 +145,9 @@ class Pairing:
         pose : Pose
             Target from source.
         previous : float [m]
-            The limit of the iteration before; infinite in the first one.
+            The limit of the iteration before; infinite until there is one to heed.
+        most : float [m]
+            The limit may not be larger, whatever the gate says.
         residual : str
             What the robust weights look at.
         """
@@ -151,7 +157,7 @@ class Pairing:
         if not len(met):
             nobody = read_only(np.zeros(0, np.int64))
             return Pairs(nobody, nobody, np.zeros(0), np.nan, previous)
-        limit = self.gate.limit(distances[met], previous, target.spacing)
+        limit = min(self.gate.limit(distances[met], previous, target.spacing), most)
         rows = met[distances[met] <= limit]
         if self.orientation is not None:
             turned = source.normals[rows] @ pose.rotation.T

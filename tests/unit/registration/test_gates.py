@@ -61,8 +61,8 @@ def test_the_good_distance_comes_from_the_spacing_and_is_reported():
 
 def test_statistics_of_zhang_forget_what_the_last_limit_dropped():
     distances = np.concatenate([_spread(0.5, 0.05), np.full(500, 30.0)])
-    all_pairs = AdaptiveGate(good_distance=1.0)
-    kept = AdaptiveGate(good_distance=1.0, statistics="kept")
+    all_pairs = AdaptiveGate(good_distance=1.0, statistics="all")
+    kept = AdaptiveGate(good_distance=1.0)
     assert all_pairs.limit(distances, 2.0, 1.0) > 1.0
     np.testing.assert_allclose(kept.limit(distances, 2.0, 1.0), 0.5 + 3.0 * 0.05, rtol=1e-9)
     # Nothing was dropped yet in the first iteration.
@@ -70,7 +70,7 @@ def test_statistics_of_zhang_forget_what_the_last_limit_dropped():
 
 
 def test_a_limit_that_was_once_small_recovers_when_the_scans_part():
-    gate = AdaptiveGate(good_distance=0.5, statistics="kept")
+    gate = AdaptiveGate(good_distance=0.5)
     limit = gate.limit(_spread(0.02, 0.001), np.inf, 1.0)
     assert limit == 0.25  # the floor, half of D
     for _ in range(3):
