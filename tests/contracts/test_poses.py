@@ -36,10 +36,7 @@ def test_a_known_motion_is_recovered(method, index):
     truth = motions[index % len(motions)]
     found = register(truth.inverse().apply(street(2)), target(), method=method)
     assert found.status is Status.OK
-    bounds = TRAITS[method]
-    assert found.target_from_source.is_close(
-        truth, translation=bounds.metres, rotation=bounds.radians
-    )
+    assert found.target_from_source.is_close(truth, translation=METRES, rotation=RADIANS)
 
 
 def test_a_motion_with_roll_and_pitch_is_recovered(method):

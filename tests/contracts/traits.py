@@ -42,10 +42,6 @@ class Traits:
     motions: tuple[Pose, ...] = NEAR_MOTIONS
     """Motions that are found from the identity; the first is the one of the common scene."""
 
-    metres: float = METRES
-    radians: float = RADIANS
-    """How far a right pose may be from the truth."""
-
     identity_gap: float = 2 * METRES
     """How far points may move when a scan is registered to itself [m]."""
 
@@ -64,9 +60,6 @@ class Traits:
     is_local: bool = True
     """Whether a point far away in both scans changes nothing; where not, one in a single scan."""
 
-    keeps_corridors: bool = True
-    """Whether a corridor stays on itself: voxels wider than it do not see its walls."""
-
     is_bounded: bool = True
     """Whether scans out of each other's reach end with no support, at the initial pose."""
 
@@ -81,19 +74,16 @@ TRAITS: dict[str, Traits] = {
     "gicp": Traits(uses_ground=True),
     "vgicp": Traits(uses_ground=True),
     # The mean and the spread of all pairs set the gate.
-    # A cube of a metre at the edge of the scene holds a handful of points, and its tilt is chance.
-    "ndt": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
-    "ndt-d2d": Traits(radians=2 * RADIANS, common_gap=5 * METRES, uses_ground=True),
-    # Seeds are drawn from the points in their order, so another order makes other clusters.
-    "mskm-ndt": Traits(
-        radians=2 * RADIANS,
-        common_gap=5 * METRES,
-        half_turn_gap=2 * METRES,
-        order_gap=2 * METRES,
-        uses_ground=True,
-        is_local=False,
-    ),
     "icp": Traits(uses_ground=True, is_local=False),
+    # The search that looks 4 m and 25 degrees about turns with neither scan.
+    "icp-annealed": Traits(uses_ground=True, is_local=False),
+    # A turn of 0.8 rad is beyond the coarsest cubes of this thin scene.
+    "ndt": Traits(motions=(*FAR_MOTIONS[:2], FAR_MOTIONS[3]), uses_ground=True),
+    "ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True, uses_ground=True),
+    # Seeds of k-means are drawn from the points in the order of their cubes, which turns with them.
+    "mskm-ndt": Traits(
+        motions=FAR_MOTIONS, half_turn_gap=2 * METRES, is_local=False, uses_ground=True
+    ),
 }
 
 

@@ -10,7 +10,15 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 MethodName = Literal[
-    "sgc-ndt-d2d", "sgc-ndt-p2d", "gicp", "vgicp", "icp", "ndt", "ndt-d2d", "mskm-ndt"
+    "sgc-ndt-d2d",
+    "sgc-ndt-p2d",
+    "gicp",
+    "vgicp",
+    "icp",
+    "icp-annealed",
+    "ndt",
+    "ndt-d2d",
+    "mskm-ndt",
 ]
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
 FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]

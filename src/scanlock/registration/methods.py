@@ -6,6 +6,7 @@ from typing import Any, Protocol, TypeVar
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
+from scanlock.registration.annealing import AnnealedStart
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
 from scanlock.registration.mskm_ndt import MskmNdt
@@ -62,6 +63,7 @@ METHODS: dict[str, Method[Any]] = {
     "gicp": Gicp(),
     "vgicp": Gicp(meeting="voxel"),
     "icp": Icp(),
+    "icp-annealed": Icp(annealing=AnnealedStart()),
     "ndt": Ndt(),
     "ndt-d2d": NdtD2d(),
     "mskm-ndt": MskmNdt(),

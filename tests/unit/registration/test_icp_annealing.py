@@ -1,0 +1,62 @@
+"""ICP from beyond its basin, with simulated annealing in front and without."""
+
+import math
+
+import numpy as np
+import pytest
+
+from reference.samples import street
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.registration.annealing import AnnealedStart
+from scanlock.registration.icp import Icp
+from scanlock.registration.register import register
+from scanlock.solvers.annealing import Annealing
+
+_PLAIN = Icp()
+_ANNEALED = Icp(annealing=AnnealedStart())
+
+# Ten degrees about the vertical and three metres along each axis: data set #4 of the paper.
+_FOURTH = Pose.from_step(np.array([3.0, 3.0, 3.0, 0.0, 0.0, math.radians(10.0)]))
+_FAR = Pose.from_step(np.array([5.0, 2.5, 1.0, 0.0, 0.0, math.radians(20.0)]))
+
+
+def _pair(layout, motion=_FAR):
+    return motion.inverse().apply(street(2, layout=layout)), street(1, layout=layout)
+
+
+@pytest.mark.parametrize("motion", [_FOURTH, _FAR], ids=["paper", "farther"])
+@pytest.mark.parametrize("layout", [0, 1, 2])
+def test_annealing_finds_far_motions(layout, motion):
+    found = register(*_pair(layout, motion), method=_ANNEALED)
+    assert found.target_from_source.is_close(motion, translation=0.1, rotation=0.005)
+    assert any(note.startswith("annealing found") for note in found.notes)
+
+
+@pytest.mark.parametrize("layout", [0, 1, 2])
+def test_plain_icp_ends_in_a_wrong_minimum_there(layout):
+    found = register(*_pair(layout), method=_PLAIN)
+    assert found.target_from_source.distance(_FAR)[0] > 1.0
+    assert not found.ok
+
+
+def test_a_good_start_is_not_lost_to_the_search():
+    found = register(street(2), street(1), method=_ANNEALED).target_from_source
+    plain = register(street(2), street(1), method=_PLAIN).target_from_source
+    assert found.is_close(plain, translation=0.02, rotation=0.001)
+
+
+def test_the_seed_decides_and_nothing_else():
+    source, target = _pair(3)
+    once, again = (register(source, target, method=_ANNEALED) for _ in range(2))
+    assert once.target_from_source == again.target_from_source
+    other = Icp(annealing=AnnealedStart(seed=9, annealing=Annealing(seed=9)))
+    found = register(source, target, method=other).target_from_source
+    assert found.is_close(once.target_from_source, translation=0.02, rotation=0.001)
+
+
+def test_settings_out_of_range_are_refused():
+    with pytest.raises(InvalidInput, match="trim"):
+        AnnealedStart(trim=0.0)
+    with pytest.raises(InvalidInput, match="sample"):
+        AnnealedStart(sample=0)
