@@ -47,8 +47,8 @@ class NdtD2d:
     """How many cells away Gaussians still meet, where cells around do; 2 as published."""
 
     shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
-    """The score of a pair; below 0.3 far Gaussians pull on the sharpest pose, above it the basin
-    shrinks."""
+    """The score of a pair; smaller sharpness widens the basin, and lets far pairs pull at the pose
+    and cost time."""
 
     weight_power: float = 0.25
     """Gaussians weigh as their counts to this power; all alike (0) in the paper."""
