@@ -116,7 +116,7 @@ class _Drive:
     """
 
     def __init__(self, sequence: "ScanSequence", width: float) -> None:
-        from scanlock.experiments.voxel_map import VoxelMap
+        from scanlock.evaluation.voxel_map import VoxelMap
 
         self.doubtful: list[int] = []
         self._sequence = sequence

@@ -10,9 +10,9 @@ from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import ScanlockError
 from scanlock.evaluation.crispness import VOXEL_WIDTH
+from scanlock.evaluation.voxel_map import VoxelMap
 from scanlock.experiments.experiment import Watch
 from scanlock.experiments.series import ScanSeries
-from scanlock.experiments.voxel_map import VoxelMap
 from scanlock.geometry.pose import Pose
 from scanlock.models.segmentation import segment
 from scanlock.report.map_figure import DrawnMap

@@ -33,13 +33,15 @@ class VoxelMap:
         Raises
         ------
         InvalidInput
-            A point more than about a million voxels from zero.
+            Points of another shape, not finite, or farther than a million voxels from zero.
         """
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InvalidInput(f"points must have shape (n, 3), got {points.shape}")
         index = np.floor(points / self._width)
-        if len(points) and np.abs(index).max() >= _HALF:
+        if not (np.abs(index) < _HALF).all():
             raise InvalidInput(
-                f"points must lie within {_HALF * self._width:g} m of zero, got "
-                f"{np.abs(points).max():g} m"
+                f"points must be finite and within {_HALF * self._width:g} m of zero; take the "
+                "map's origin off them"
             )
         shifted = index.astype(np.int64) + _HALF
         keys = (shifted[:, 0] << 42) | (shifted[:, 1] << 21) | shifted[:, 2]

@@ -3,7 +3,7 @@ import pytest
 
 from scanlock.errors import InvalidInput
 from scanlock.evaluation.crispness import crispness
-from scanlock.experiments.voxel_map import VoxelMap
+from scanlock.evaluation.voxel_map import VoxelMap
 
 RNG = np.random.default_rng(0)
 PARTS = [RNG.normal(0.0, 1.0, (500, 3)) for _ in range(7)]
