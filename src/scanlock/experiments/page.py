@@ -12,9 +12,12 @@ from scanlock.experiments.series import ScanSeries
 from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
 from scanlock.io.settings import write_settings
 from scanlock.registration.methods import Method
-from scanlock.report.pictures import save_pictures
+from scanlock.report.canvas import save_figure
 
 PAGE = "index.md"
+
+_PICTURES = (".png", ".svg")
+"""One to look at anywhere, one to print."""
 
 _HOLDS = {True: "holds here", False: "**does not hold here**", None: "cannot be told here"}
 
@@ -56,7 +59,8 @@ def write_findings(
             _write_text(folder / "tables" / f"{name}.csv", table.to_csv())
             _write_text(folder / "tables" / f"{name}.md", table.to_markdown())
         for name, figure in section.figures.items():
-            save_pictures(folder / "figures", name, figure)
+            for ending in _PICTURES:
+                save_figure(folder / "figures" / f"{name}{ending}", figure)
     for name, poses in findings.trajectories.items():
         path = folder / "trajectories" / file_name(name)
         write_kitti_poses(path.with_suffix(".kitti.txt"), poses)

@@ -10,6 +10,7 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.errors import InvalidInput, MissingExtra
+from scanlock.io import atomic_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,6 +57,15 @@ _SHOWN_SHARE = 97.0
 """A view ends where this percentage of the points lies inside: the rest are a few far ones."""
 
 
+_METADATA: dict[str, dict[str, Any]] = {
+    "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+    "png": {"Software": None},
+    "svg": {"Date": None, "Creator": None},
+}
+"""What Matplotlib would write of itself and the day; without it, the same scans give the same
+bytes."""
+
+
 def require_figures() -> None:
     """Raise `MissingExtra` unless Matplotlib can be imported."""
     try:
@@ -90,11 +100,11 @@ def save_figure(path: str | os.PathLike[str], figure: "Figure") -> None:
             f"a picture must end in {', '.join(FIGURE_ENDINGS)}, got {os.fspath(path)!r}"
         )
     suffix = ending.removeprefix(".")
-    # Without the date, the same scans give the same bytes.
-    metadata: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}.get(
-        suffix, {}
-    )
-    figure.savefig(Path(path), format=suffix, metadata=metadata)
+    from matplotlib import rc_context
+
+    # The names of an SVG's parts are drawn anew each time unless they are salted.
+    with rc_context({"svg.hashsalt": Path(path).stem}), atomic_file(path) as handle:
+        figure.savefig(handle, format=suffix, metadata=_METADATA[suffix])
 
 
 def thinned_rows(count: int) -> Labels:
