@@ -95,24 +95,16 @@ def simulate(
 def _sequence(
     scene: str, sensor: str, count: int, seed: int
 ) -> "SimulatedSequence | LadarSequence":
-    import numpy as np
-
     from scanlock.simulation import (
-        SCENES,
         SENSORS,
         FacetLadar,
         LadarSequence,
         PanTiltMount,
         SimulatedSequence,
-        forest_walk,
-        rugged_drive,
-        street_drive,
+        drive_through,
     )
 
-    drives = {"street": street_drive, "forest": forest_walk, "rugged": rugged_drive}
-    building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    place = SCENES[scene](building)
-    drive = drives[scene](place, driving, count=count)
+    place, drive = drive_through(scene, count=count, seed=seed)
     if sensor == "facet-ladar":
         return LadarSequence(place.world, FacetLadar(), PanTiltMount(), drive, seed)
     return SimulatedSequence(place.world, SENSORS[sensor.replace("-", "_")](), drive, seed)

@@ -14,21 +14,13 @@ from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.io.sequences import ScanSequence, open_sequence
 from scanlock.pipelines.study import StudyPair
-from scanlock.simulation import (
-    SCENES,
-    SENSORS,
-    SimulatedSequence,
-    forest_walk,
-    street_drive,
-)
+from scanlock.simulation import SENSORS, SimulatedSequence, drive_through
 
 TruthKind = Literal["exact", "given", "unknown"]
 """Where the poses of scans come from: the simulation, files beside the scans, or nowhere."""
 
 _SAMPLE = 1 << 16
 """Bytes of each file that tell whether it is still the same."""
-
-_DRIVES = {"street": street_drive, "forest": forest_walk}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -115,10 +107,7 @@ def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: i
     """
     require_count("every", every)
     require_count("scans", scans, least=2)
-    require_count("seed", seed, least=0)
-    building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    place = SCENES[scene](building)
-    drive = _DRIVES[scene](place, driving, count=1 + (scans - 1) * every)
+    place, drive = drive_through(scene, count=1 + (scans - 1) * every, seed=seed)
     sequence = SimulatedSequence(place.world, SENSORS[sensor](), drive, seed)
     taken = range(0, len(sequence), every)
     spoken = sensor.replace("_", "-")
@@ -164,7 +153,7 @@ def recorded_series(
     require_count("every", every)
     if scans is not None:
         require_count("scans", scans, least=2)
-    taken = open_sequence(folder, poses).taken(every, scans)
+    taken = open_sequence(folder, poses, every=every, count=scans)
     if len(taken) < 2:
         raise InvalidInput(
             f"{which(every)} of {folder} leaves {len(taken)}, and two are needed; take more of them"

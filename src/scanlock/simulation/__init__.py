@@ -20,7 +20,13 @@ from scanlock.simulation.rugged import XUV, rugged, rugged_drive
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scene import Scene
 from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
-from scanlock.simulation.sequence import SCENES, SimulatedPair, SimulatedSequence, scan_pair
+from scanlock.simulation.sequence import (
+    SCENES,
+    SimulatedPair,
+    SimulatedSequence,
+    drive_through,
+    scan_pair,
+)
 from scanlock.simulation.shapes import boxes, cones, discs, ellipsoids, triangles
 from scanlock.simulation.streets import street, street_drive
 from scanlock.simulation.surface_class import SurfaceClass
@@ -59,6 +65,7 @@ __all__ = [
     "cones",
     "discs",
     "drive_along",
+    "drive_through",
     "ellipsoids",
     "forest",
     "forest_walk",

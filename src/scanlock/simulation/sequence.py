@@ -9,18 +9,36 @@ import numpy as np
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.drive import Drive
-from scanlock.simulation.forests import forest
-from scanlock.simulation.rugged import rugged
+from scanlock.simulation.forests import forest, forest_walk
+from scanlock.simulation.rugged import rugged, rugged_drive
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scene import Scene
 from scanlock.simulation.sensors import SENSORS, Sensor
-from scanlock.simulation.streets import street
+from scanlock.simulation.streets import street, street_drive
 from scanlock.simulation.world import World
 
 _Maker = TypeVar("_Maker")
 
 SCENES = {"street": street, "forest": forest, "rugged": rugged}
 """Every scene by name; each is drawn by a generator."""
+
+_DRIVES = {"street": street_drive, "forest": forest_walk, "rugged": rugged_drive}
+"""What moves through each."""
+
+
+def drive_through(scene: str, *, count: int, seed: int) -> tuple[Scene, Drive]:
+    """Return a scene and a drive of `count` sweeps through it, both drawn from the seed.
+
+    Raises
+    ------
+    InvalidInput
+        An unknown scene.
+    """
+    require_count("seed", seed, least=0)
+    make = _named("scene", scene, SCENES)
+    building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    place = make(building)
+    return place, _DRIVES[scene](place, driving, count=count)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
