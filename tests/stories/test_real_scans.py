@@ -9,9 +9,13 @@ from scipy.spatial.transform import Rotation
 
 import scanlock
 from scanlock.geometry.pose import Pose
+from scanlock.registration.methods import METHODS
 
 pytestmark = pytest.mark.data
-_with_each_method = pytest.mark.parametrize("method", ["sgc-ndt-d2d", "sgc-ndt-p2d"])
+# ICP, a baseline of the papers, loses some of these pairs or ends decimetres off.
+_with_each_method = pytest.mark.parametrize(
+    "method", [name for name in METHODS if not name.startswith("icp")]
+)
 
 
 def _floats(path, columns):
