@@ -1,0 +1,94 @@
+"""G-ICP and NDT with their settings changed: pairs of a city drive from the identity.
+
+    python benchmarks/variants.py --data FOLDER [--only TEXT]
+
+All pairs ten and twenty scans apart. A pair is solved within 0.3 m and 1 degree of its reference;
+medians are over the solved pairs, CPU time is of one whole call.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from contenders import is_solved, pose_error
+from real_scans import RealPair, kitti_drive
+from scanlock.registration.gates import FixedGate, TrimmedGate
+from scanlock.registration.gicp import Gicp
+from scanlock.registration.icp import Icp
+from scanlock.registration.methods import METHODS, Method
+from scanlock.registration.mskm_ndt import MskmNdt
+from scanlock.registration.ndt import Ndt
+from scanlock.registration.ndt_d2d import NdtD2d
+from scanlock.registration.pair_fit import PairFit
+from scanlock.registration.pairing import Pairing
+from scanlock.registration.register import register
+from tables import machine, print_table
+
+_PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
+
+VARIANTS: dict[str, Method] = {
+    **{name: METHODS[name] for name in METHODS},
+    **{f"gicp, gate {gate:g} m": Gicp(gates=(gate,)) for gate in (1.0, 2.5, 5.0, 10.0)},
+    "gicp, 20 neighbours": Gicp(neighbours=20),
+    "gicp, ellipsoids": Gicp(shape="ellipsoid"),
+    "vgicp, voxels of 1 m": Gicp(meeting="voxel", voxel_widths=(1.0,)),
+    "ndt, das2013: 3 m, own cell, all points": Ndt.das2013(),
+    "ndt, 3 m, near cells, all points": Ndt(widths=(3.0,), spacing=0.0),
+    "ndt, 3 m, own cell": Ndt(widths=(3.0,), meeting="own-cell"),
+    "ndt, 3 m, near cells": Ndt(widths=(3.0,)),
+    "ndt, 3 m, trilinear": Ndt(widths=(3.0,), meeting="trilinear"),
+    "ndt, 3 m, all in reach": Ndt(widths=(3.0,), meeting="all"),
+    "ndt-d2d, stoyanov2012: from 2 m": NdtD2d.stoyanov2012(),
+    "mskm-ndt, obstacles only": MskmNdt(points="obstacles"),
+    "mskm-ndt, d2d": MskmNdt(score="d2d"),
+    "icp, statistics of the paper": Icp.madhavan2003(),
+    "icp, gate 10 m": Icp(pairing=Pairing(gate=FixedGate(distance=10.0))),
+    "icp, the closest 70 %": Icp(pairing=Pairing(gate=TrimmedGate(share=0.7))),
+    "icp, to planes": Icp(fit=_PLANES),
+}
+
+
+def cell(method: Method, pairs: list[RealPair]) -> tuple[str, float]:
+    """Return solved and median of some pairs, and CPU seconds a call."""
+    found: list[tuple[float, float]] = []
+    seconds = 0.0
+    for pair in pairs:
+        target, source = pair.load_target(), pair.load_source()
+        begin = time.process_time()
+        pose = register(source, target, method=method).target_from_source
+        seconds += time.process_time() - begin
+        found.append(pose_error(pose, pair.truth))
+    solved = [error for error in found if is_solved(error)]
+    text = f"{len(solved)} / {len(pairs)}"
+    if solved:
+        metres, degrees = np.median(solved, axis=0)
+        text += f", {100 * metres:.1f} cm, {degrees:.3f}°"
+    return text, seconds / len(pairs)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=os.environ.get("SCANLOCK_DATA"))
+    parser.add_argument("--only", default="", help="variants whose name contains this text")
+    arguments = parser.parse_args()
+    if arguments.data is None:
+        parser.error("give --data FOLDER or set SCANLOCK_DATA")
+    groups = [list(kitti_drive(arguments.data, apart)) for apart in (10, 20)]
+    print(machine(), "\n")
+
+    def row(name: str, method: Method) -> list[str]:
+        register(groups[0][0].load_source(), groups[0][0].load_target(), method=method)
+        cells = [cell(method, pairs) for pairs in groups]
+        return [name, *(text for text, _ in cells), f"{1e3 * cells[0][1]:.0f}"]
+
+    print_table(
+        ("settings", "ten apart", "twenty apart", "CPU ms"),
+        (row(name, method) for name, method in VARIANTS.items() if arguments.only in name),
+    )
+
+
+if __name__ == "__main__":
+    main()
