@@ -1,16 +1,17 @@
-"""Register every real pair from the identity; print solved, errors and CPU time a group.
+"""Register every real pair from the identity; print solved, errors and CPU time by method.
 
     python benchmarks/registration.py --data FOLDER [--no-peers] [--only TEXT] [--each]
 
-A pair is solved within 0.3 m and 1 degree of its reference. "claimed wrongly" counts pairs that
-a method called right and that are not. CPU time is of one whole call, raw arrays to pose.
+One table over all groups of pairs, then one a group. A pair is solved within 0.3 m and 1 degree of
+its reference. "claimed wrongly" counts pairs that a method called right and that are not. CPU time
+is of one whole call, raw arrays to pose.
 """
 
 import argparse
 import os
 import time
-from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,39 @@ from contenders import Contender, contenders, is_solved, pose_error
 from real_scans import RealPair
 from scanlock.geometry.pose import Pose
 from tables import machine, print_table
+
+FAMILIES: dict[str, tuple[str, ...]] = {
+    "city, 10 apart": ("kitti_drive_0005, 10 apart",),
+    "city, 20 apart": ("kitti_drive_0005, 20 apart",),
+    "kitti_00": ("kitti_00",),
+    "other outdoors": ("forest", "hdl32", "av2", "newer", "car_cloud"),
+    "handheld, 1": ("handheld_balm, 1 apart",),
+    "handheld, 3": ("handheld_balm, 3 apart",),
+    "handheld, 6": ("handheld_balm, 6 apart",),
+    "handheld, 10": ("handheld_balm, 10 apart",),
+    "corridor": ("terrestrial",),
+    "rellis": ("rellis",),
+}
+"""Columns of the first table: how the names of their groups begin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attempt:
+    """What one method made of one pair."""
+
+    group: str
+    metres: float
+    degrees: float
+    claimed: bool
+    seconds: float
+
+    @property
+    def solved(self) -> bool:
+        return is_solved((self.metres, self.degrees))
+
+    @property
+    def claimed_wrongly(self) -> bool:
+        return self.claimed and not self.solved
 
 
 def all_pairs(data: Path) -> Iterator[RealPair]:
@@ -37,36 +71,53 @@ def all_pairs(data: Path) -> Iterator[RealPair]:
         yield from real_scans.handheld(data, apart)
 
 
-def measure(contender: Contender, pairs: list[RealPair], each: bool) -> None:
-    groups: dict[str, list[tuple[float, float, bool, float]]] = defaultdict(list)
-    warm = pairs[0]
-    contender.register(warm.load_source(), warm.load_target(), Pose.identity())
+def attempts(contender: Contender, pairs: Sequence[RealPair], each: bool) -> Iterator[Attempt]:
+    contender.register(pairs[0].load_source(), pairs[0].load_target(), Pose.identity())
     for pair in pairs:
         target, source = pair.load_target(), pair.load_source()
         begin = time.process_time()
         pose, claimed = contender.register(source, target, Pose.identity())
         seconds = time.process_time() - begin
-        error = pose_error(pose, pair.truth)
-        groups[pair.group].append((*error, claimed, seconds))
+        metres, degrees = pose_error(pose, pair.truth)
         if each:
-            print(f"{pair.group} {pair.name}: {error[0]:.3f} m {error[1]:.3f} deg {claimed=}")
-    print(f"\n### {contender.name}\n")
-    header = ("group", "solved", "median", "95th percentile", "claimed wrongly", "CPU ms")
-    print_table(header, [_row(group, rows) for group, rows in groups.items()])
+            print(f"{contender.name}, {pair.group} {pair.name}: ", end="")
+            print(f"{metres:.3f} m {degrees:.3f} deg {claimed=}", flush=True)
+        yield Attempt(
+            group=pair.group, metres=metres, degrees=degrees, claimed=claimed, seconds=seconds
+        )
 
 
-def _row(group: str, rows: list[tuple[float, float, bool, float]]) -> tuple[str, ...]:
-    metres, degrees = (np.array([row[k] for row in rows]) for k in (0, 1))
-    solved = [is_solved((row[0], row[1])) for row in rows]
-    wrong = sum(row[2] and not good for row, good in zip(rows, solved, strict=True))
-    return (
-        group,
-        f"{sum(solved)} / {len(rows)}",
-        f"{np.median(metres):.3f} m, {np.median(degrees):.3f}°",
-        f"{np.percentile(metres, 95):.3f} m, {np.percentile(degrees, 95):.3f}°",
-        str(wrong),
-        f"{1e3 * np.median([row[3] for row in rows]):.0f}",
-    )
+def print_overview(found: dict[str, list[Attempt]]) -> None:
+    groups = {one.group for tried in found.values() for one in tried}
+    families = {k: v for k, v in FAMILIES.items() if any(one.startswith(v) for one in groups)}
+    rows: list[list[str]] = []
+    for name, tried in found.items():
+        cells = [name]
+        for begins in families.values():
+            solved = [one.solved for one in tried if one.group.startswith(begins)]
+            cells.append(f"{sum(solved)} / {len(solved)}")
+        rows.append([*cells, str(sum(one.claimed_wrongly for one in tried))])
+    print_table(("method", *families, "claimed wrongly"), rows)
+
+
+def print_group(group: str, found: dict[str, list[Attempt]]) -> None:
+    rows: list[tuple[str, ...]] = []
+    for name, everything in found.items():
+        tried = [one for one in everything if one.group == group]
+        metres, degrees = [one.metres for one in tried], [one.degrees for one in tried]
+        rows.append(
+            (
+                name,
+                f"{sum(one.solved for one in tried)} / {len(tried)}",
+                f"{np.median(metres):.3f} m, {np.median(degrees):.3f}°",
+                f"{np.percentile(metres, 95):.3f} m, {np.percentile(degrees, 95):.3f}°",
+                str(sum(one.claimed_wrongly for one in tried)),
+                f"{1e3 * np.median([one.seconds for one in tried]):.0f}",
+            )
+        )
+    print(f"\n### {group}\n")
+    header = ("method", "solved", "median", "95th percentile", "claimed wrongly", "CPU ms")
+    print_table(header, rows)
 
 
 def main() -> None:
@@ -79,9 +130,14 @@ def main() -> None:
     if arguments.data is None:
         parser.error("give --data FOLDER or set SCANLOCK_DATA")
     pairs = [pair for pair in all_pairs(arguments.data) if arguments.only in pair.group]
-    print(machine())
-    for contender in contenders(peers=not arguments.no_peers):
-        measure(contender, pairs, arguments.each)
+    found = {
+        contender.name: list(attempts(contender, pairs, arguments.each))
+        for contender in contenders(peers=not arguments.no_peers)
+    }
+    print(machine(), "\n")
+    print_overview(found)
+    for group in dict.fromkeys(pair.group for pair in pairs):
+        print_group(group, found)
 
 
 if __name__ == "__main__":
