@@ -20,11 +20,9 @@ def crispness(points: Points, width: float = VOXEL_WIDTH) -> int:
     """Return how many voxels the points of a map fill; fewer is crisper.
 
     Voxels are cubes with a corner at zero. Moving all of a map by whole multiples of `width`
-    changes nothing. Any other rigid motion changes the count: a map of six HDL-64E scans of a city
-    street fills up to 0.5 % more voxels when shifted by parts of one, as much when turned about
-    the vertical, and up to 2 % more when tilted, for level ground then leaves its one layer. So
-    compare maps in one frame, from the same first pose; smaller differences between maps that
-    begin elsewhere mean nothing.
+    changes nothing. Any other rigid motion changes the count, and a tilt most, for level ground
+    then leaves its one layer of voxels. So compare maps in one frame, from the same first pose:
+    between maps that begin elsewhere a small difference means nothing.
 
     Parameters
     ----------

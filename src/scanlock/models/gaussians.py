@@ -24,7 +24,8 @@ class Gaussians:
     ----------
     means : (k, 3) [m]
     covariances : (k, 3, 3) [m^2]
-        Symmetric; divided by the count, as in Das et al. 2013, section VI.
+        Symmetric. `from_labels` divides by the count, as in Das et al. 2013, section VI;
+        those of voxels, from `models.voxel_gaussians`, are divided by the count less one.
     counts : (k,)
         Points behind each Gaussian.
     """
