@@ -1,9 +1,10 @@
-"""G-ICP and NDT with their settings changed: pairs of a city drive from the identity.
+"""Methods with one setting changed at a time: pairs of a city drive from the identity.
 
     python benchmarks/variants.py --data FOLDER [--only TEXT]
 
 All pairs ten and twenty scans apart. A pair is solved within 0.3 m and 1 degree of its reference;
-medians are over the solved pairs, CPU time is of one whole call.
+medians are over the solved pairs; evaluations of the objective and CPU time are means over the
+calls ten apart, CPU time that of a whole call.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import numpy as np
 
 from contenders import is_solved, pose_error
 from real_scans import RealPair, kitti_drive
+from scanlock.registration.coarse_to_fine import CoarseToFine
 from scanlock.registration.gates import FixedGate, TrimmedGate
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
@@ -25,9 +27,26 @@ from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.pair_fit import PairFit
 from scanlock.registration.pairing import Pairing
 from scanlock.registration.register import register
+from scanlock.registration.sgc_ndt import SgcNdt
+from scanlock.solvers.bfgs import Bfgs
+from scanlock.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.solvers.line_search import Armijo, StrongWolfe
+from scanlock.solvers.line_search_newton import LineSearchNewton
+from scanlock.solvers.more_thuente import MoreThuente
 from tables import machine, print_table
 
 _PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
+
+SOLVERS = {
+    "line-search Newton, Moré-Thuente": LineSearchNewton(line_search=MoreThuente()),
+    "line-search Newton, strong Wolfe": LineSearchNewton(line_search=StrongWolfe()),
+    "line-search Newton, Armijo": LineSearchNewton(line_search=Armijo()),
+    "Levenberg-Marquardt": LevenbergMarquardt(),
+    "Gauss-Newton": LevenbergMarquardt(first_damping=0.0),
+    "BFGS, Moré-Thuente": Bfgs(line_search=MoreThuente()),
+    "BFGS, strong Wolfe": Bfgs(line_search=StrongWolfe()),
+    "BFGS, Armijo": Bfgs(line_search=Armijo()),
+}
 
 VARIANTS: dict[str, Method] = {
     **{name: METHODS[name] for name in METHODS},
@@ -48,25 +67,30 @@ VARIANTS: dict[str, Method] = {
     "icp, gate 10 m": Icp(pairing=Pairing(gate=FixedGate(distance=10.0))),
     "icp, the closest 70 %": Icp(pairing=Pairing(gate=TrimmedGate(share=0.7))),
     "icp, to planes": Icp(fit=_PLANES),
+    **{
+        f"sgc-ndt-d2d, {name}": SgcNdt(schedule=CoarseToFine(solver=solver))
+        for name, solver in SOLVERS.items()
+    },
 }
 
 
-def cell(method: Method, pairs: list[RealPair]) -> tuple[str, float]:
-    """Return solved and median of some pairs, and CPU seconds a call."""
+def cell(method: Method, pairs: list[RealPair]) -> tuple[str, float, float]:
+    """Return solved and median of some pairs, evaluations and CPU seconds a call."""
     found: list[tuple[float, float]] = []
-    seconds = 0.0
+    evaluations, seconds = 0, 0.0
     for pair in pairs:
         target, source = pair.load_target(), pair.load_source()
         begin = time.process_time()
-        pose = register(source, target, method=method).target_from_source
+        result = register(source, target, method=method)
         seconds += time.process_time() - begin
-        found.append(pose_error(pose, pair.truth))
+        evaluations += result.iterations
+        found.append(pose_error(result.target_from_source, pair.truth))
     solved = [error for error in found if is_solved(error)]
     text = f"{len(solved)} / {len(pairs)}"
     if solved:
         metres, degrees = np.median(solved, axis=0)
         text += f", {100 * metres:.1f} cm, {degrees:.3f}°"
-    return text, seconds / len(pairs)
+    return text, evaluations / len(pairs), seconds / len(pairs)
 
 
 def main() -> None:
@@ -82,10 +106,11 @@ def main() -> None:
     def row(name: str, method: Method) -> list[str]:
         register(groups[0][0].load_source(), groups[0][0].load_target(), method=method)
         cells = [cell(method, pairs) for pairs in groups]
-        return [name, *(text for text, _ in cells), f"{1e3 * cells[0][1]:.0f}"]
+        _, evaluations, seconds = cells[0]
+        return [name, *(text for text, *_ in cells), f"{evaluations:.0f}", f"{1e3 * seconds:.0f}"]
 
     print_table(
-        ("settings", "ten apart", "twenty apart", "CPU ms"),
+        ("settings", "ten apart", "twenty apart", "evaluations", "CPU ms"),
         (row(name, method) for name, method in VARIANTS.items() if arguments.only in name),
     )
 
