@@ -8,7 +8,7 @@ from reference.point_scans import point_scan, unit_vectors
 from reference.samples import turned_covariances
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rigid_fit import fit_arun
+from scanlock.geometry.rigid_fit import PairMoments, fit_arun
 from scanlock.geometry.rotations import log_rotation
 from scanlock.models.gaussians import unpacked
 from scanlock.objectives.restraint import FREE, PosePrior, Restraint
@@ -139,6 +139,18 @@ def test_a_closed_form_is_at_the_minimum_in_one_step(step):
     assert found.distance(fit_arun(*rows))[0] > 1e-3
     clean, _ = _fitted(PairFit(step=step), _scene(noise=0.0))
     assert clean.is_close(_POSE, translation=1e-12, rotation=1e-12)
+
+
+def test_each_closed_form_is_the_one_it_is_called():
+    target, source, pairs = _scene(noise=0.3)
+    rows = target.points[pairs.target_rows], _START.apply(source.points[pairs.source_rows])
+    objective = PairFit().objective(target, source, pairs, _START)
+    moments = PairMoments.of(*rows, objective.precisions[:, 0])
+    # They differ by rounding alone, so only equality to the bit tells them apart.
+    forms = {"svd": moments.by_singular_values(), "quaternion": moments.by_quaternion()}
+    assert forms["svd"] != forms["quaternion"]
+    for step, form in forms.items():
+        assert _fitted(PairFit(step=step), (target, source, pairs))[0] == form @ _START
 
 
 def test_steps_of_gauss_and_newton_end_where_the_closed_form_is():
