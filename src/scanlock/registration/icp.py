@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import get_args
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from scanlock.clouds.neighbours import Search, closest_points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.errors import require_count, require_positive
+from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.models.surfaces import LEAST_NEIGHBOURS, surface_normals
@@ -81,6 +82,10 @@ class Icp:
         )
 
     def __post_init__(self) -> None:
+        if self.search not in get_args(Search):
+            raise InvalidInput(
+                f"search must be {' or '.join(map(repr, get_args(Search)))}, got {self.search!r}"
+            )
         if self.settling != math.inf:
             require_positive("settling", self.settling, unit="m")
         if self.spacing is not None:
@@ -122,7 +127,7 @@ class Icp:
 
         The history has one entry for each pairing: the pose of that pairing, the objective
         there, and how far apart the pairs are that count. A start where fewer than 10 points
-        meet is returned untouched, with NO_SUPPORT.
+        meet, or robust weights leave as few, is returned untouched, with NO_SUPPORT.
         """
         if self.annealing is None:
             return self._descend(target, source, start, restraint)
@@ -144,9 +149,9 @@ class Icp:
         trail.note(self.pairing.gate.note(target.spacing))
         pose, most = start, math.inf
         while True:
-            previous = trail.settled_limit(self.settling)
+            previous = trail.settled_limit(self.settling, pose)
             pairs = self.pairing.pair(target, source, pose, previous, most, self.fit.residual)
-            if len(pairs) < LEAST_POINTS:
+            if pairs.weighty < LEAST_POINTS:
                 trail.add(_NOTHING, pose, pairs, accepted=False)
                 return trail.solution(start, _NOTHING, StopReason.NO_SUPPORT)
             objective = self.fit.objective(target, source, pairs, pose)
@@ -158,6 +163,7 @@ class Icp:
                 # even so are pairs that change sides, for ever.
                 reason = StopReason.STEP_SMALL if most < math.inf else None
                 most = min(trail.limits[-period:])
+                trail.hold()
                 note = f"the same pairs came back: limit held at {most:.3g} m"
             trail.note(note)
             if reason is not None:

@@ -73,6 +73,9 @@ class Trail:
     notes: dict[str, None] = field(default_factory=dict[str, None])
     """What was found on the way: each once, in order."""
 
+    held_from: int = 0
+    """The iteration since which the limits of pairs are held at a least; 0 before."""
+
     def add(self, quadratic: Quadratic, pose: Pose, pairs: Pairs, accepted: bool = True) -> None:
         """Keep an iteration: the pose, its pairs, and the objective of these there."""
         moved = self.step_between(self.history[-1].pose, pose) if self.history else 0.0
@@ -90,18 +93,30 @@ class Trail:
         return math.hypot(metres, self.lever * radians)
 
     def period(self, tolerance: float) -> int:
-        """Return after how many iterations the last pose came back, within [m]; 0 if it did not."""
+        """Return after how many iterations the last pose came back, within [m]; 0 if it did not.
+
+        Poses from before limits were held do not count: other pairs led to them.
+        """
         last = self.history[-1].pose
-        for back in range(2, min(_LONGEST_PERIOD, len(self.history) - 1) + 1):
+        for back in range(2, min(_LONGEST_PERIOD, len(self.history) - 1 - self.held_from) + 1):
             if self.step_between(self.history[-1 - back].pose, last) < tolerance:
                 return back
         return 0
 
-    def settled_limit(self, settling: float) -> float:
-        """Return the limit of the last iteration [m]; infinite until a step was below this."""
-        if any(iteration.step_norm < settling for iteration in self.history[1:]):
-            return self.limits[-1]
-        return math.inf
+    def hold(self) -> None:
+        """Remember that from the next iteration on limits are held."""
+        self.held_from = len(self.history)
+
+    def settled_limit(self, settling: float, pose: Pose) -> float:
+        """Return the limit of the last iteration [m]; infinite until a step was below this.
+
+        The step that led to `pose`, which has no pairs yet, counts.
+        """
+        if not self.history:
+            return math.inf
+        steps = [iteration.step_norm for iteration in self.history[1:]]
+        steps.append(self.step_between(self.history[-1].pose, pose))
+        return self.limits[-1] if min(steps) < settling else math.inf
 
     def note(self, text: str) -> None:
         """Keep a note, unless it is empty or known."""

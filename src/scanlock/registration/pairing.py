@@ -97,8 +97,17 @@ class Pairs:
     mean_distance: float
     limit: float
 
+    def __post_init__(self) -> None:
+        for array in (self.target_rows, self.source_rows, self.weights):
+            frozen(array)
+
     def __len__(self) -> int:
         return len(self.target_rows)
+
+    @property
+    def weighty(self) -> int:
+        """How many of the pairs have any weight."""
+        return int(np.count_nonzero(self.weights))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

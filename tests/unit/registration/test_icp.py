@@ -251,7 +251,15 @@ def test_an_adaptive_gate_heeds_its_limit_once_the_pose_settles():
     settled = next(k for k, step in enumerate(steps) if k and step < 0.05)
     assert 2 < settled < len(steps) - 2
     assert gate.previous[:settled] == [math.inf] * settled
-    assert gate.previous[settled + 1 :] == list(limits[settled : len(gate.previous) - 1])
+    assert gate.previous[settled:] == list(limits[settled - 1 : len(gate.previous) - 1])
+
+
+def test_settling_at_once_heeds_limits_from_the_second_iteration():
+    gate = SpyingGate(limits=(9.0, 8.0, 7.0, 6.0))
+    stopping = IcpStopping(iterations=4)
+    method = Icp(pairing=Pairing(gate=gate), settling=math.inf, stopping=stopping)
+    _aligned(method, count=2000)
+    assert gate.previous == [math.inf, 9.0, 8.0, 7.0]
 
 
 def test_the_paper_takes_all_points_a_tessellation_and_statistics_of_all_pairs():
@@ -364,9 +372,42 @@ def test_pairs_that_change_sides_for_ever_end_it():
     np.testing.assert_allclose(np.sort(np.unique(np.round(ends, 9))), [0.0, 0.2])
 
 
+class _Seesaw:
+    """A gate that is wide where the wide one fits, so that poses come back."""
+
+    reach = math.inf
+
+    def limit(self, distances, previous, spacing):
+        return 2.0 if distances.mean() < 0.3 else 0.5
+
+    def note(self, spacing):
+        return ""
+
+
+def test_a_held_limit_is_descended_to_its_end():
+    source = _LATTICE.copy()
+    source[::4, 0] += 1.0
+    method = Icp(spacing=None, pairing=Pairing(gate=_Seesaw()))
+    solution = method.align(point_scan(_LATTICE), point_scan(source), Pose.identity())
+    assert "the same pairs came back: limit held at 0.5 m" in solution.notes
+    # The 48 of 64 points that did not move fit exactly.
+    assert solution.pose.is_close(Pose.identity(), translation=1e-6, rotation=1e-7)
+
+
+@pytest.mark.parametrize("step", ["svd", "quaternion", "gauss-newton"])
+def test_pairs_without_weight_are_no_support(step):
+    robust = RobustWeights(loss="tukey", scale=0.001)
+    method = Icp(pairing=Pairing(robust=robust), fit=PairFit(step=step))
+    start = yaw_pose(0.1, (1.0, 0.0, 0.3))
+    solution = _aligned(method, start=start, count=2000)
+    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.pose == start
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
+        ({"search": "octree"}, "search must be 'k-d tree' or 'delaunay', got 'octree'"),
         ({"settling": 0.0}, "settling must be positive, got 0.0 m"),
         ({"settling": -math.inf}, "settling must be positive, got -inf m"),
         ({"settling": math.nan}, "settling must be positive, got nan m"),

@@ -77,14 +77,25 @@ def test_poses_came_back_within_the_tolerance_at_the_lever(apart, period):
 
 
 def test_limits_are_heeded_once_a_step_was_small():
-    assert Trail(10.0).settled_limit(math.inf) == math.inf
-    poses, limits = [_shift(x) for x in (0.0, 1.0, 1.05, 3.0)], [9.0, 8.0, 7.0, 6.0]
-    found = [_trail(poses[:k], limits).settled_limit(0.1) for k in (1, 2, 3, 4)]
+    poses, limits = [_shift(x) for x in (0.0, 1.0, 1.05, 3.0)], [9.0, 8.0, 7.0]
+    found = [
+        _trail(poses[:k], limits).settled_limit(0.1, pose) for k, pose in enumerate(poses) if k
+    ]
     # The step of 0.05 settles it, for good: a large one after it changes nothing.
-    assert found == [math.inf, math.inf, 7.0, 6.0]
-    # The first iteration made no step, which is not a small one.
-    assert _trail(poses[:1]).settled_limit(0.1) == math.inf
-    assert _trail(poses[:2], limits).settled_limit(1.01) == 8.0
+    assert found == [math.inf, 8.0, 7.0]
+    assert _trail(poses[:1], limits).settled_limit(1.01, poses[1]) == 9.0
+
+
+def test_the_first_iteration_made_no_step_which_is_not_a_small_one():
+    assert Trail(10.0).settled_limit(math.inf, _shift(0.0)) == math.inf
+    assert _trail([_shift(0.0)]).settled_limit(0.1, _shift(1.0)) == math.inf
+
+
+def test_poses_of_before_limits_were_held_are_not_waited_for():
+    trail = _trail([_shift(float(k % 2)) for k in range(4)])
+    assert trail.period(1e-6) == 2
+    trail.hold()
+    assert trail.period(1e-6) == 0
 
 
 def test_notes_are_kept_once_and_in_order():

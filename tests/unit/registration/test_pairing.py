@@ -59,6 +59,18 @@ def test_pairs_are_of_the_closest_points_within_the_limit():
     np.testing.assert_array_equal(pairs.weights, np.ones(len(pairs)))
 
 
+def test_pairs_are_frozen_and_count_those_with_weight():
+    points = np.random.default_rng(4).normal(size=(40, 3))
+    pairing = Pairing(gate=FixedGate(), robust=RobustWeights(loss="tukey", scale=0.1))
+    moved = points.copy()
+    moved[:15, 2] += 0.2
+    scans = point_scan(points), point_scan(moved)
+    pairs = pairing.pair(*scans, Pose.identity(), np.inf, np.inf, "point-to-point")
+    assert pairs.weighty == np.count_nonzero(pairs.weights) < len(pairs) == 40
+    for array in (pairs.target_rows, pairs.source_rows, pairs.weights):
+        assert not array.flags.writeable
+
+
 def test_points_out_of_reach_enter_no_statistics():
     scans = _scans()
     for reach, of_gate in ((1.0, math.inf), (math.inf, 0.7), (0.5, 0.7)):
