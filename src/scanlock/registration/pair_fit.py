@@ -30,6 +30,9 @@ Step = Literal["svd", "quaternion", "gauss-newton"]
 """
 
 
+_PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PairFit:
     """Settings that turn pairs into a motion."""
@@ -41,8 +44,9 @@ class PairFit:
     """What is made small: the distance of a pair, or that to the target's surface."""
 
     deviation: float = 0.1
-    """Standard deviation of a pair where there is no noise model [m]; it scales the objective,
-    and so what a prior weighs against."""
+    """Standard deviation of a pair by sampling [m]: hardly a point of a surface is met again. It
+    scales the objective, and so what a prior weighs against. A noise model comes on top of it for
+    points, and in its place for planes, which do not care where a point lies on them."""
 
     lever: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
@@ -70,15 +74,16 @@ class PairFit:
         """Return what the pairs of a pose cost, as it is written in eq. (2) of the paper.
 
         Noisy scans (those with covariances) weigh a pair by the inverse of its covariance at
-        `pose`: whole for the step of Gauss and Newton, its trace for closed forms.
+        `pose`: whole for the step of Gauss and Newton, a third of its trace for closed forms.
         """
         rows = pairs.target_rows, pairs.source_rows
         weights = pairs.weights / self._variances(target, source, pairs, pose)
         if self.residual == "point-to-plane":
             precisions = plane_precisions(target.normals[rows[0]], weights)
         elif self.step == "gauss-newton" and len(target.covariances):
-            both = target.covariances[rows[0]], source.covariances[rows[1]]
-            precisions = pairs.weights[:, None] * noise_precisions(*both, pose)
+            sampled = target.covariances[rows[0]] + self.deviation**2 * _PACKED_IDENTITY
+            found = noise_precisions(sampled, source.covariances[rows[1]], pose)
+            precisions = pairs.weights[:, None] * found
         else:
             precisions = point_precisions(weights)
         return PointPairs(
@@ -126,7 +131,7 @@ class PairFit:
             return variances_along(normals, of_target) + variances_along(
                 normals @ pose.rotation, of_source
             )
-        return (traces(of_target) + traces(of_source)) / 3.0
+        return (traces(of_target) + traces(of_source)) / 3.0 + self.deviation**2
 
     def _closed_form(self, objective: PointPairs, pose: Pose, restraint: Restraint) -> Pose | None:
         """Return the motion after `pose` that fits best; None where the pairs hold none."""
