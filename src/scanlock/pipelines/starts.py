@@ -1,4 +1,4 @@
-"""Where the registrations of a study begin: at the identity, or at known errors."""
+"""Where the registrations of a study begin: at the identity, or away from it or from the truth."""
 
 import math
 import zlib
@@ -67,6 +67,39 @@ class FromIdentity:
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
         """Return the identity."""
         return Pose.identity()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Displaced:
+    """Start every pair from the same stated motions, whatever the true pose is.
+
+    A source that was moved and turned by a motion and is registered from no motion is the same
+    as one that starts there.
+    """
+
+    motions: Mapping[str, Pose]
+    """The start [m] of each name, turned about the middle of the source."""
+
+    def __post_init__(self) -> None:
+        if not self.motions:
+            raise InvalidInput("motions must hold at least one start, got none")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One for every motion."""
+        return tuple(self.motions)
+
+    @property
+    def rule(self) -> str:
+        """The motions themselves."""
+        return "; ".join(
+            f"{name}: {pose.matrix[:3].tolist()}" for name, pose in self.motions.items()
+        )
+
+    def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
+        """Return the motion of this name."""
+        motion = self.motions[name]
+        return Pose(motion.rotation, centre + motion.translation - motion.rotation @ centre)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

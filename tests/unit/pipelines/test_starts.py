@@ -5,7 +5,7 @@ import pytest
 
 from reference.samples import yaw_pose
 from scanlock import InvalidInput, Pose
-from scanlock.pipelines.starts import AroundTruth, FromIdentity
+from scanlock.pipelines.starts import AroundTruth, Displaced, FromIdentity
 from scanlock.pipelines.study import pose_errors
 
 TRUTH = yaw_pose(0.4, (3.0, -1.0, 0.5))
@@ -16,6 +16,30 @@ def test_the_identity_needs_no_truth():
     plan = FromIdentity()
     [name] = plan.names
     assert plan.pose(name, "a b", None, CENTRE) == Pose.identity()
+
+
+def test_a_displaced_start_is_a_source_that_was_moved_about_its_middle():
+    motion = yaw_pose(0.3, (1.0, 2.0, 3.0))
+    plan = Displaced(motions={"none": Pose.identity(), "far": motion})
+    assert plan.names == ("none", "far")
+    assert plan.pose("none", "a b", None, CENTRE) == Pose.identity()
+    assert plan.pose("far", "a b", TRUTH, np.zeros(3)) == motion
+    start = plan.pose("far", "a b", TRUTH, CENTRE)
+    np.testing.assert_allclose(start.apply(CENTRE), CENTRE + motion.translation)
+    np.testing.assert_array_equal(start.rotation, motion.rotation)
+
+
+def test_the_rule_of_displaced_starts_tells_their_motions():
+    rules = {
+        Displaced(motions={"far": yaw_pose(angle, (1.0, 2.0, 3.0))}).rule
+        for angle in (0.3, 0.3, 0.4)
+    }
+    assert len(rules) == 2
+
+
+def test_no_motion_is_no_plan():
+    with pytest.raises(InvalidInput, match="motions must hold at least one start"):
+        Displaced(motions={})
 
 
 @pytest.mark.parametrize("axis", ["vertical", "random"])
