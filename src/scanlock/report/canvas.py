@@ -197,6 +197,15 @@ def mingled(count: int) -> Labels:
     return np.argsort(np.arange(count) * _GOLDEN % 1.0, kind="stable").astype(np.int64)
 
 
+def overlay(axes: "Axes", fixed: Points, moved: Points, size: float) -> None:
+    """Draw two clouds from above, in blue what stays and in vermilion what moves."""
+    fixed, moved = fixed[thinned_rows(len(fixed))], moved[thinned_rows(len(moved))]
+    views = np.concatenate([fixed[:, :2], moved[:, :2]])
+    colours = np.repeat([BLUE, VERMILION], [len(fixed), len(moved)])
+    order = mingled(len(views))
+    scatter(axes, views[order], colours[order], size=size)
+
+
 def legend_below(figure: "Figure", colours: Mapping[str, str]) -> None:
     """Say once, in a row below the views, which colour is what."""
     from matplotlib.lines import Line2D

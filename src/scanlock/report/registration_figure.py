@@ -3,7 +3,6 @@
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Points
@@ -20,16 +19,13 @@ from scanlock.report.canvas import (
     blank_figure,
     frame,
     legend_below,
-    mingled,
+    overlay,
     richest_square,
-    scatter,
     square_view,
-    thinned_rows,
     window_around,
 )
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _CLOSE_UP = 0.22
@@ -83,11 +79,11 @@ def registration_figure(
     axes = figure.subplots(2, 2)
     for column, (name, moved) in enumerate((("before", start), ("after", end))):
         whole, close = axes[:, column]
-        _overlay(whole, fixed, moved, 0.6)
+        overlay(whole, fixed, moved, 0.6)
         square_view(whole, middle, half, ("", "y [m]"))
         whole.set_title(name, fontsize=11, color=INK)
         frame(whole, corner, side)
-        _overlay(close, fixed, moved, 2.5)
+        overlay(close, fixed, moved, 2.5)
         square_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]"))
         close.set_title(f"{name}, inside the frame", fontsize=9, color=FAINT)
     return figure
@@ -96,14 +92,6 @@ def registration_figure(
 def _standing(cloud: PointCloud) -> Points:
     standing = cloud.points[~segment(cloud).is_ground[cloud.rows]]
     return standing if len(standing) else cloud.points
-
-
-def _overlay(axes: "Axes", fixed: Points, moved: Points, size: float) -> None:
-    fixed, moved = fixed[thinned_rows(len(fixed))], moved[thinned_rows(len(moved))]
-    views = np.concatenate([fixed[:, :2], moved[:, :2]])
-    colours = np.repeat([BLUE, VERMILION], [len(fixed), len(moved)])
-    order = mingled(len(views))
-    scatter(axes, views[order], colours[order], size=size)
 
 
 def _title(result: Registration, truth: Pose | None) -> str:
