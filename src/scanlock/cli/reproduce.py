@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from scanlock.experiments.experiment import Experiment, Findings
     from scanlock.experiments.series import ScanSeries
 
-ExperimentName = Literal["urban", "forest"]
+ExperimentName = Literal["urban", "forest", "ladar"]
 
 _MARKS = {True: "holds", False: "does not hold", None: "cannot be told"}
 
@@ -26,19 +26,21 @@ def reproduce(
     data: Path | None = None,
     poses: Path | None = None,
 ) -> None:
-    """Run an experiment of Das, Servos and Waslander 2013 and write a page of what came out.
+    """Run an experiment of the papers and write a page of what came out beside what they print.
 
     An interrupted run goes on where it was when it is started again with the same folder.
 
     Parameters
     ----------
     experiment : str
-        The city of section VIII-A, or the forest of VIII-B.
+        The city or the forest of Das, Servos and Waslander 2013 (sections VIII-A and VIII-B), or
+        the range images of Madhavan and Messina 2003 (section 3).
     output : Path
         Folder for the page, tables, figures, trajectories and maps; by default
         scanlock-EXPERIMENT.
     scans : int
-        How many scans to register; by default as many as make a good comparison.
+        How many scans to register, or at how many places for ladar; by default as many as make
+        a good comparison.
     seed : int
         Decides the simulated scans; any whole number from 0.
     data : Path
@@ -48,7 +50,7 @@ def reproduce(
     """
     from scanlock.cli.compiling import compile_watch
     from scanlock.cli.progress import progress
-    from scanlock.cli.screen import print_line, print_title, waiting
+    from scanlock.cli.screen import print_line, print_table, print_title, waiting
     from scanlock.cli.standings import show_errors
     from scanlock.experiments.pairwise import SOLVED
     from scanlock.experiments.reproduce import EXPERIMENTS
@@ -66,8 +68,12 @@ def reproduce(
             series = _series(chosen, scans, seed, data, poses)
         done = reproduced(chosen, series, folder, progress)
     print_title(f"{chosen.title}: {series.title}")
-    voxels = {name: len(points) for name, points in done.findings.maps.items()}
-    show_errors(done.outcome.records, SOLVED, voxels=voxels)
+    headline = done.findings.headline
+    if headline is not None:
+        print_table(headline.heads, headline.texts())
+    else:
+        voxels = {name: len(points) for name, points in done.findings.maps.items()}
+        show_errors(done.outcome.records, SOLVED, voxels=voxels)
     _show_claims(done.findings)
     print_line(f"wrote {done.page} and all that it leads to")
 
@@ -78,6 +84,11 @@ def _series(
     from scanlock.experiments.series import recorded_series
 
     if data is not None:
+        if experiment.every is None:
+            raise InvalidInput(
+                f"--data {data} cannot be taken: {experiment.name} needs range images, which are "
+                "simulated; leave --data out"
+            )
         return recorded_series(data, every=experiment.every, scans=scans, poses=poses)
     if poses is not None:
         raise InvalidInput("--poses belongs to --data; simulated scans have exact poses")

@@ -101,6 +101,9 @@ class Findings:
     maps: Mapping[str, NDArray[np.float32]] = field(default_factory=dict[str, NDArray[np.float32]])
     """Points in the frame of the first scan, by the trajectory that laid them [m]."""
 
+    headline: Table | None = None
+    """What sums everything up; by default the errors of each method do."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
@@ -138,8 +141,8 @@ class Experiment:
     scans: int
     """How many scans, unless it is said."""
 
-    every: int
-    """Which scans of a recorded sequence are taken: every k-th."""
+    every: int | None
+    """Which scans of a recorded sequence are taken: every k-th; None where none can be."""
 
     examine: Callable[[Outcome, Watch], Findings]
     """Turns registrations into tables, figures and sentences."""
@@ -149,3 +152,6 @@ class Experiment:
 
     pairs: Callable[[ScanSeries], Sequence[StudyPair]] = ScanSeries.pairs
     """Which scans are registered with which: by default each with the one before."""
+
+    pairing: str = "each with the one before"
+    """The same in words, for the page."""

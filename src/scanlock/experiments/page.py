@@ -80,8 +80,8 @@ def preface(experiment: Experiment, series: ScanSeries) -> str:
     """Return what the paper did, what is done here instead, and by which settings."""
     remarks = "".join(f"- {one.name}: {one.remark}.\n" for one in experiment.contenders)
     return (
-        f"{experiment.about}\n\n## What was registered here\n\n{described(series)}, each with the "
-        f"one before. {truth_sentence(series)}\n\n{remarks}"
+        f"{experiment.about}\n\n## What was registered here\n\n{described(series)}, "
+        f"{experiment.pairing}. {truth_sentence(series)}\n\n{remarks}"
     )
 
 

@@ -6,13 +6,14 @@ from pathlib import Path
 
 from scanlock.experiments.experiment import Experiment, Findings, Outcome, Watch, unwatched
 from scanlock.experiments.forest import FOREST
+from scanlock.experiments.ladar import LADAR
 from scanlock.experiments.page import preface, write_findings
 from scanlock.experiments.series import ScanSeries
 from scanlock.experiments.urban import URBAN
 from scanlock.io.records import stored_records
 from scanlock.pipelines.study import Study, StudyRecord
 
-EXPERIMENTS = {experiment.name: experiment for experiment in (URBAN, FOREST)}
+EXPERIMENTS = {experiment.name: experiment for experiment in (URBAN, FOREST, LADAR)}
 """Every experiment by name."""
 
 RECORDS = "records.jsonl"
@@ -47,7 +48,7 @@ def reproduce(
     ----------
     experiment : Experiment
     series : ScanSeries
-        What to register, each scan with the one before.
+        What to register.
     folder : Path
         Created if it is not there.
     watch : Watch, optional

@@ -92,12 +92,10 @@ def ladar_run(
 ) -> LadarSequence:
     """Return the frames of a ladar on a vehicle at a steady speed over rugged terrain.
 
-    Frames k and k + 1 are consecutive, k and k + 20 twenty apart. The paper's pairs lie 5.8 and
-    4.6 cm apart on average once registered, over the pairs of points that it keeps. Ours, moved
-    by the exact pose, come to 9 cm consecutive at 15 km/h, 8 cm twenty apart at 0.1 m/s, and 4 cm
-    at rest, which is the noise: medians of many places. So close, twenty frames apart, says that
-    the paper's vehicle stood nearly still. A small mean distance does not prove a pose: on open
-    ground rows of points fit each other as well without any motion.
+    Frames k and k + 1 are consecutive, k and k + 20 twenty apart. How close two frames lie at the
+    exact pose follows from the way between them, for a ladar that has moved meets other points of
+    the same grass; ``scanlock reproduce ladar`` tells by how much. So close as the paper's pairs
+    lie, its vehicle must have stood nearly still.
 
     Parameters
     ----------

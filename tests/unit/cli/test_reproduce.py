@@ -94,6 +94,7 @@ def test_recorded_scans_are_taken_as_the_paper_took_its_own(scanlock, toys, tmp_
         (["urban", "--seed", "-1"], "--seed must be a whole number"),
         (["urban", "--poses", "poses.txt"], "--poses belongs to --data"),
         (["urban", "--data", "nowhere"], "no such folder of scans"),
+        (["ladar", "--data", "nowhere"], "ladar needs range images, which are simulated"),
         (["moon"], "urban"),
     ],
 )

@@ -1,0 +1,138 @@
+"""Frames of a facet ladar that stands, creeps, walks and drives over rugged terrain."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Points
+from scanlock.errors import require_count
+from scanlock.experiments.series import ScanSeries
+from scanlock.geometry.pose import Pose
+from scanlock.pipelines.study import StudyPair
+from scanlock.simulation import (
+    AHEAD_AND_DOWN,
+    FacetLadar,
+    LadarSequence,
+    PanTiltMount,
+    Scene,
+    ladar_run,
+    ranges_from_points,
+    rugged,
+)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Drive:
+    """How a vehicle moves between two frames of its ladar."""
+
+    name: str
+    """What it is called, in names of frames too."""
+
+    speed: float
+    """Along the way [m/s]."""
+
+    apart: int
+    """How many frames the pair is apart."""
+
+    def __str__(self) -> str:
+        frames = "consecutive frames" if self.apart == 1 else f"{self.apart} frames apart"
+        return f"{self.name}, {frames}"
+
+
+PARKED = Drive(name="parked", speed=1e-6, apart=20)
+CREEPING = Drive(name="creeping", speed=0.05, apart=1)
+WALKING = Drive(name="at a walk", speed=1.0, apart=20)
+DRIVING = Drive(name="at 15 km/h", speed=15.0 / 3.6, apart=1)
+
+DRIVES = (CREEPING, PARKED, DRIVING, WALKING)
+"""The paper does not tell its speeds; the first two leave its distances, the others are beyond."""
+
+_SEEDS = 1000
+"""Terrains of one experiment have seeds this far from those of the next."""
+
+_PLACES = 5
+"""Places on each terrain, evenly along its way of some 300 m, farther than the ladar sees ahead."""
+
+
+def ladar_series(places: int, seed: int) -> ScanSeries:
+    """Return two frames for each of `DRIVES` at each of so many places, in vehicle frames.
+
+    Parameters
+    ----------
+    places : int
+        At least one; five on each terrain.
+    seed : int
+        Decides terrains and noise.
+    """
+    require_count("places", places)
+    require_count("seed", seed, least=0)
+    frames: dict[str, Points] = {}
+    poses: list[Pose] = []
+    times: list[float] = []
+    for place in range(places):
+        for drive, run in zip(DRIVES, _runs(place, seed), strict=True):
+            for index, name in zip((0, drive.apart), frame_names(place, drive), strict=True):
+                frame = run[index]
+                frames[name] = frame.points.astype(np.float32).astype(np.float64)
+                poses.append(frame.pose)
+                times.append(frame.time)
+    return ScanSeries(
+        title=f"Pairs of frames of a simulated facet ladar at {places} places of rugged terrain",
+        origin="",
+        key=f"facet ladar seed {seed}",
+        names=tuple(frames),
+        times=np.array(times),
+        load=frames.__getitem__,
+        truth=tuple(poses),
+        truth_kind="exact",
+    )
+
+
+def _runs(place: int, seed: int) -> list[LadarSequence]:
+    """Return the frames of each drive at a place."""
+    number = seed * _SEEDS + place
+    scene = _terrain(number - place % _PLACES)
+    start = scene.track.length * (place % _PLACES) / _PLACES
+    return [
+        ladar_run(number, scene=scene, start=start, speed=drive.speed, count=drive.apart + 1)
+        for drive in DRIVES
+    ]
+
+
+@lru_cache(maxsize=1)
+def _terrain(number: int) -> Scene:
+    """Return a terrain by its seed; the last one is kept, for it takes seconds to grow."""
+    return rugged(np.random.default_rng(number))
+
+
+def frame_names(place: int, drive: Drive) -> tuple[str, str]:
+    """Return the names of the two frames of a drive at a place: target and source."""
+    stem = f"place {place:02d} {drive.name} frame"
+    return f"{stem} 0", f"{stem} {drive.apart}"
+
+
+def ladar_pairs(series: ScanSeries) -> list[StudyPair]:
+    """Return the pair of each drive at each place, place by place."""
+    truth = dict(zip(series.names, series.truth, strict=True))
+    return [
+        StudyPair(target=target, source=source, truth=truth[target].inverse() @ truth[source])
+        for target, source in zip(series.names[::2], series.names[1::2], strict=True)
+    ]
+
+
+def pairs_of(drive: Drive, pairs: Sequence[StudyPair]) -> list[StudyPair]:
+    """Return the pairs of one drive, in the order of their places."""
+    return [
+        pair
+        for place in range(len(pairs) // len(DRIVES))
+        for pair in pairs
+        if (pair.target, pair.source) == frame_names(place, drive)
+    ]
+
+
+def range_image(points: Points) -> Matrix:
+    """Return the (32, 180) ranges [m] behind the points of a frame; NaN where nothing came back."""
+    pan, tilt = AHEAD_AND_DOWN.at(0.0)
+    return ranges_from_points(points, FacetLadar(), PanTiltMount(), pan=pan, tilt=tilt)
