@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from scanlock.cli.choices import MethodName
+from scanlock.cli.choices import DofName, MethodName
 from scanlock.errors import InvalidInput, MissingExtra, require_count, require_positive
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ def map_folder(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    method: MethodName = "sgc-ndt-d2d",
+    method: MethodName | None = None,
+    settings: Path | None = None,
+    dof: DofName = "xyz+rpy",
     every: int = 1,
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
@@ -54,7 +56,12 @@ def map_folder(
     output : Path
         Folder for the trajectory, the map and the table of pairs; it must not hold a map yet.
     method : str
-        How to register.
+        How to register; sgc-ndt-d2d by default.
+    settings : Path
+        A method with settings of your own: TOML as scanlock settings prints it.
+    dof : str
+        What may change from where a registration begins: everything, or less for levelled
+        scanners (xyz+yaw) and a flat world (xy+yaw).
     every : int
         Take every k-th scan.
     scans : int
@@ -72,6 +79,7 @@ def map_folder(
         The exit code: 0 if every pair is to be trusted, 2 if not.
     """
     from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.methods import chosen_method
     from scanlock.cli.screen import counting
     from scanlock.io.sequences import open_sequence
     from scanlock.pipelines.mapping import mapped_scans
@@ -81,6 +89,7 @@ def map_folder(
     require_positive("--width", width, unit="m")
     if (output / "map.ply").exists():
         raise InvalidInput(f"{output} holds a map already; name another folder, or remove it")
+    chosen = chosen_method(method, settings)
     sequence = open_sequence(folder, every=every, count=scans)
     if len(sequence) < 2:
         raise InvalidInput(f"{folder} must give at least 2 scans to map, got {len(sequence)}")
@@ -89,8 +98,9 @@ def map_folder(
     with compile_watch():
         steps = mapped_scans(
             (sequence.scan(index) for index in counting(range(len(sequence)), "scans")),
-            method=method,
+            method=chosen,
             guess=guess,
+            dof=dof,
         )
         try:
             for step in steps:

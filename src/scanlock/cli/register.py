@@ -1,5 +1,6 @@
 """``scanlock register``: the pose between two scan files."""
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -8,10 +9,11 @@ from cyclopts import Parameter
 
 from scanlock.cli.choices import DofName, Flag, MethodName, OutputFile
 from scanlock.cli.reading import LoadedScan, Reading
-from scanlock.errors import InvalidInput
+from scanlock.errors import require_positive
 
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
+    from scanlock.objectives.restraint import PosePrior
     from scanlock.registration.result import Registration
 
 
@@ -24,6 +26,7 @@ def register(
     settings: Path | None = None,
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
+    prior: tuple[float, float] | None = None,
     output: OutputFile = None,
     picture: Path | None = None,
     json: Flag = False,
@@ -47,6 +50,8 @@ def register(
     dof : str
         What may change of the initial pose: everything, or less for levelled scanners
         (xyz+yaw) and a flat world (xy+yaw).
+    prior : tuple of float
+        How sure the initial pose is: standard deviations in metres and in degrees.
     output : Path
         Where to write the pose: .txt or .npy (4x4 matrix), or .json (whole result).
     picture : Path
@@ -62,6 +67,7 @@ def register(
         The exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted.
     """
     from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.methods import chosen_method
     from scanlock.cli.results import show_history, show_registration
     from scanlock.cli.saving import (
         POSE_ENDINGS,
@@ -71,8 +77,6 @@ def register(
         save_pose,
     )
     from scanlock.cli.screen import print_json, print_line
-    from scanlock.io.settings import read_settings
-    from scanlock.registration.methods import DEFAULT_METHOD
     from scanlock.registration.register import register as registered
 
     if output is not None:
@@ -80,11 +84,10 @@ def register(
         require_apart(output, (reference, scene))
     if picture is not None:
         require_picture(picture)
-    if settings is not None and method is not None:
-        raise InvalidInput("give either --method or --settings: the settings name their method")
     begin = time.perf_counter()
-    chosen = (method or DEFAULT_METHOD) if settings is None else read_settings(settings)
+    chosen = chosen_method(method, settings)
     start = None if initial is None else _read_initial(initial)
+    belief = None if prior is None else _belief(start, *prior)
     target, source = ((reading or Reading()).load(path) for path in (reference, scene))
     read_time = time.perf_counter() - begin
     with compile_watch() as watch:
@@ -94,6 +97,7 @@ def register(
             method=chosen,
             initial=start,
             dof=dof,
+            prior=belief,
         )
     content = _content(result, target, source, read_time, verbose)
     if output is not None:
@@ -123,6 +127,15 @@ def _read_initial(path: Path) -> "Pose":
     from scanlock.io import read_pose
 
     return read_pose(path)
+
+
+def _belief(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
+    from scanlock.geometry.pose import Pose
+    from scanlock.objectives.restraint import PosePrior
+
+    for value, unit in ((metres, "m"), (degrees, "deg")):
+        require_positive("--prior", value, unit=unit)
+    return PosePrior.from_deviations(start or Pose.identity(), metres, math.radians(degrees))
 
 
 def _content(

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.objectives.restraint import DegreesOfFreedom
 from scanlock.registration.methods import DEFAULT_METHOD, Method
 from scanlock.registration.prepared import PreparedScan, prepare
 from scanlock.registration.register import register
@@ -47,6 +48,7 @@ def mapped_scans(
     *,
     method: str | Method[Any] = DEFAULT_METHOD,
     guess: Guess = "identity",
+    dof: DegreesOfFreedom = "xyz+rpy",
 ) -> Iterator[MappedScan]:
     """Yield each scan with its pose in the frame of the first, as soon as it is known.
 
@@ -64,6 +66,8 @@ def mapped_scans(
     guess : str
         Where each registration begins. The last motion serves drives well; after a pair that is
         not ok the next one begins at no motion again.
+    dof : str
+        What may change of that beginning, as for `register`.
 
     Raises
     ------
@@ -79,7 +83,7 @@ def mapped_scans(
         if before is None:
             found = None
         else:
-            found = register(ready, before, initial=motion)
+            found = register(ready, before, initial=motion, dof=dof)
             pose = pose @ found.target_from_source
             is_kept = guess == "velocity" and found.ok
             motion = found.target_from_source if is_kept else Pose.identity()

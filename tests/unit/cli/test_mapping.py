@@ -131,3 +131,18 @@ def test_wrong_numbers_are_one_line(scanlock, drive, tmp_path, options, message)
     assert done.code == 1
     assert message in done.err
     assert done.err.count("\n") == 1
+
+
+def test_a_drive_may_be_flat_and_have_settings_of_its_own(scanlock, drive, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(scanlock("settings", "sgc-ndt-p2d").out)
+    done = scanlock("map", drive, "-o", tmp_path / "out", "--settings", path, "--dof", "xy+yaw")
+    assert done.code == 0
+    for pose in read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt"):
+        np.testing.assert_allclose(pose.matrix[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)
+
+
+def test_a_method_has_its_settings_from_one_place(scanlock, drive, tmp_path):
+    done = scanlock("map", drive, "-o", tmp_path, "--method", "icp", "--settings", "mine.toml")
+    assert done.code == 1
+    assert "give either --method or --settings" in done.err

@@ -78,6 +78,35 @@ def test_a_flat_world_keeps_height_and_tilt(scanlock, pair):
     assert np.abs(matrix[:2, 3]).max() > 0.01
 
 
+def test_a_firm_prior_keeps_the_initial_pose_and_a_loose_one_lets_go(scanlock, pair, tmp_path):
+    start = Pose.identity().retract(np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.02]))
+    np.savetxt(tmp_path / "start.txt", start.matrix)
+    moved = {}
+    for name, prior in {"firm": ("1e-5", "1e-4"), "loose": ("100", "90")}.items():
+        done = scanlock(
+            "register", *pair, "--initial", tmp_path / "start.txt", "--prior", *prior, "--json"
+        )
+        pose = Pose.from_matrix(json.loads(done.out)["target_from_source"])
+        moved[name] = pose.distance(start)[0]
+    free = scanlock("register", *pair, "--initial", tmp_path / "start.txt", "--json")
+    wanted = Pose.from_matrix(json.loads(free.out)["target_from_source"]).distance(start)[0]
+    assert moved["firm"] < 1e-3 < 0.1 < wanted
+    assert moved["loose"] == pytest.approx(wanted, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        (("0", "1"), "--prior must be positive, got 0.0 m"),
+        (("1", "-2"), "--prior must be positive, got -2.0 deg"),
+    ],
+)
+def test_a_prior_without_width_is_refused(scanlock, pair, prior, message):
+    done = scanlock("register", *pair, "--prior", *prior)
+    assert (done.code, done.out) == (1, "")
+    assert message in done.err
+
+
 def test_a_registration_that_failed_still_prints_and_exits_with_2(scanlock, scans, tmp_path):
     path = tmp_path / "pose.json"
     done = scanlock("register", scans / "reference.npy", scans / "elsewhere.npy", "-o", path)

@@ -59,3 +59,10 @@ def test_what_cannot_be_mapped_is_refused_by_name():
         next(mapped_scans(_scans(), guess="imu"))
     with pytest.raises(InvalidInput, match="scan 1 holds no finite point"):
         list(mapped_scans([street(1), np.full((5, 3), np.nan)]))
+
+
+def test_locked_directions_stay_as_they_begin():
+    steps = list(mapped_scans(_scans(), dof="xy+yaw"))
+    for step in steps:
+        np.testing.assert_allclose(step.pose.matrix[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)
+    assert steps[-1].pose.distance(Pose.identity())[0] > 4.0
