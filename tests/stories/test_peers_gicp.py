@@ -1,14 +1,14 @@
-"""Generalised ICP on real scans ends where small_gicp ends, from the same points and start."""
+"""Generalised ICP on real scans ends where small_gicp and Open3D end, from the same start."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 
+from reference.real_pairs import PAIRS, STEP_AWAY, real_pair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.io.scans import read_scan
+from scanlock.models.gaussians import unpacked
 from scanlock.registration.gicp import Gicp
 
 small_gicp = pytest.importorskip("small_gicp")
@@ -16,40 +16,7 @@ pytestmark = pytest.mark.data
 
 _METRES, _RADIANS = 0.001, math.radians(0.005)
 
-_OFFSET = np.array([0.3, -0.2, 0.05, 0.01, -0.005, 0.03])
-"""The start, a step away from the trusted pose: within the reach of a gate of 1 m."""
-
-_KITTI = ["0_10", "20_30", "40_50"]
-
-
-def _floats(path, columns):
-    return np.fromfile(path, np.float32).reshape(-1, columns)
-
-
-def _street(folder, pair):
-    folder = folder / "kitti_drive_0005"
-    scans = (
-        _floats(folder / "velodyne_points" / "data" / f"{int(index):010d}.bin", 4)
-        for index in pair.split("_")
-    )
-    truth = json.loads((folder / "consensus_pairs.json").read_text())[pair]["T"]
-    return *scans, Pose.from_matrix(truth)
-
-
-def _forest(folder, kind):
-    folder = folder / "forest_os1"
-    scans = (_floats(folder / f"{kind}_t{t}_xyzl.bin", 4) for t in (0, 1))
-    return *scans, Pose.from_matrix(np.loadtxt(folder / f"{kind}_reference_transform.txt"))
-
-
-def _campus(folder, _):
-    folder = folder / "hdl32_pair"
-    scans = (read_scan(folder / f"{role}.ply").points for role in ("target", "source"))
-    return *scans, Pose.from_matrix(np.loadtxt(folder / "T_target_source.txt"))
-
-
-_PAIRS = [(_street, pair) for pair in _KITTI]
-_PAIRS += [(_forest, "still"), (_forest, "moving"), (_campus, "")]
+_with_each_pair = pytest.mark.parametrize("pair", PAIRS)
 
 
 def _theirs(kept, neighbours):
@@ -73,13 +40,13 @@ def _to_the_end(*clouds, start, gate):
     return Pose.from_matrix(found.T_target_source)
 
 
-@pytest.mark.parametrize(("place", "pair"), _PAIRS)
+@_with_each_pair
 @pytest.mark.parametrize("neighbours", [10, 20])
-def test_closest_pairs_end_in_the_same_minimum(scan_data, place, pair, neighbours):
-    target, source, truth = place(scan_data, pair)
+def test_closest_pairs_end_in_the_same_minimum(scan_data, pair, neighbours):
+    target, source, truth = real_pair(scan_data, pair)
     method = Gicp(gates=(1.0,), neighbours=neighbours, tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
-    start = truth.retract(_OFFSET)
+    start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
     (cloud, tree), (moving, _) = (_theirs(one, neighbours) for one in kept)
     theirs = _to_the_end(cloud, moving, tree, start=start, gate=1.0)
@@ -87,12 +54,41 @@ def test_closest_pairs_end_in_the_same_minimum(scan_data, place, pair, neighbour
     assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
 
 
-@pytest.mark.parametrize(("place", "pair"), _PAIRS)
-def test_voxels_end_in_the_same_minimum(scan_data, place, pair):
-    target, source, truth = place(scan_data, pair)
+@_with_each_pair
+def test_open3d_ends_in_the_same_minimum(scan_data, pair):
+    open3d = pytest.importorskip("open3d")
+    registration = open3d.pipelines.registration
+    target, source, truth = real_pair(scan_data, pair)
+    method = Gicp(gates=(1.0,), tolerance=1e-6)
+    kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
+    start = truth.retract(STEP_AWAY)
+    ours = method.align(*kept, start)
+    clouds = []
+    for one in kept:
+        cloud = open3d.geometry.PointCloud(
+            open3d.utility.Vector3dVector(np.array(one.surface.points))
+        )
+        cloud.covariances = open3d.utility.Matrix3dVector(unpacked(one.surface.covariances))
+        clouds.append(cloud)
+    found = registration.registration_generalized_icp(
+        clouds[1],
+        clouds[0],
+        1.0,
+        start.matrix,
+        registration.TransformationEstimationForGeneralizedICP(),
+        registration.ICPConvergenceCriteria(1e-15, 1e-15, 500),
+    )
+    theirs = Pose.from_matrix(found.transformation)
+    assert ours.reason.is_converged
+    assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
+
+
+@_with_each_pair
+def test_voxels_end_in_the_same_minimum(scan_data, pair):
+    target, source, truth = real_pair(scan_data, pair)
     method = Gicp(meeting="voxel", voxel_widths=(1.0,), tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
-    start = truth.retract(_OFFSET)
+    start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
     (cloud, _), (moving, _) = (_theirs(one, method.neighbours) for one in kept)
     voxels = small_gicp.GaussianVoxelMap(1.0)
@@ -102,10 +98,10 @@ def test_voxels_end_in_the_same_minimum(scan_data, place, pair):
     assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
 
 
-@pytest.mark.parametrize(("place", "pair"), _PAIRS)
+@_with_each_pair
 @pytest.mark.parametrize("method", [Gicp(), Gicp(meeting="voxel")], ids=["gicp", "vgicp"])
-def test_from_the_identity_the_trusted_pose_is_found(scan_data, place, pair, method):
-    target, source, truth = place(scan_data, pair)
+def test_from_the_identity_the_trusted_pose_is_found(scan_data, pair, method):
+    target, source, truth = real_pair(scan_data, pair)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     solution = method.align(*kept, Pose.identity())
     assert solution.reason.is_converged
