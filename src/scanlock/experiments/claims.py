@@ -42,6 +42,19 @@ def accurate(says: str, outcome: Outcome, names: Sequence[str]) -> Claim:
     )
 
 
+def low_errors(says: str, outcome: Outcome, name: str) -> Claim:
+    """Claim that the median translation error of a method is within the limit of solved pairs."""
+    why = missing(outcome, [name], truth=True)
+    if why:
+        return undecided(says, why)
+    median = _median(outcome, name)
+    return Claim(
+        says=says,
+        holds=median <= SOLVED.metres,
+        because=f"median translation error {median:.3f} m, where {SOLVED.metres:g} m are allowed",
+    )
+
+
 def more_accurate(
     says: str, outcome: Outcome, better: Sequence[str], worse: Sequence[str]
 ) -> Claim:

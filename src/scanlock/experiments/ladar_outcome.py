@@ -8,7 +8,7 @@ import numpy as np
 
 from scanlock.evaluation.closest_distances import closest_distances, kept_mean
 from scanlock.experiments.experiment import Outcome, Watch
-from scanlock.experiments.ladar_series import DRIVES, Drive, pairs_of
+from scanlock.experiments.ladar_series import DRIVES, LadarDrive, pairs_of
 from scanlock.experiments.pairwise import SOLVED
 from scanlock.pipelines.study import StudyPair, StudyRecord
 
@@ -20,12 +20,13 @@ class LadarOutcome:
     Attributes
     ----------
     outcome : Outcome
-    after : mapping of (pair, start, contender) to float [m]
-        Mean distance of the closest points, at the pose that was found; see `kept_mean`.
-    exact : mapping of pair to float [m]
-        The same at the exact pose.
-    points : mapping of pair to (int, int)
-        How many points model and data have.
+    after : mapping to float [m]
+        By the names of pair, start and contender: the mean distance of the closest points at the
+        pose that was found; see `kept_mean`.
+    exact : mapping of str to float [m]
+        The same at the exact pose, by the name of the pair.
+    points : mapping to tuple of int
+        How many points model and data have, by the name of the pair.
     """
 
     outcome: Outcome
@@ -38,11 +39,11 @@ class LadarOutcome:
         """At how many places each drive was."""
         return len(self.outcome.pairs) // len(DRIVES)
 
-    def pairs(self, drive: Drive) -> list[StudyPair]:
+    def pairs(self, drive: LadarDrive) -> list[StudyPair]:
         """Return the pairs of a drive, one a place."""
         return pairs_of(drive, self.outcome.pairs)
 
-    def records(self, drive: Drive, start: str, contender: str) -> list[StudyRecord]:
+    def records(self, drive: LadarDrive, start: str, contender: str) -> list[StudyRecord]:
         """Return what a contender made of a drive from a start, one record a place."""
         wanted = {pair.name for pair in self.pairs(drive)}
         return [
@@ -51,15 +52,15 @@ class LadarOutcome:
             if record.task.pair in wanted and record.task.start == start
         ]
 
-    def distances(self, drive: Drive, start: str, contender: str) -> list[float]:
+    def distances(self, drive: LadarDrive, start: str, contender: str) -> list[float]:
         """Return the mean distance [m] at each place."""
         return [self.after[pair.name, start, contender] for pair in self.pairs(drive)]
 
-    def exact_distances(self, drive: Drive) -> list[float]:
+    def exact_distances(self, drive: LadarDrive) -> list[float]:
         """Return the mean distance at the exact pose [m] at each place."""
         return [self.exact[pair.name] for pair in self.pairs(drive)]
 
-    def solved(self, drive: Drive, start: str, contender: str) -> int:
+    def solved(self, drive: LadarDrive, start: str, contender: str) -> int:
         """Return at how many places the true pose was found."""
         return sum(SOLVED.hold(record) for record in self.records(drive, start, contender))
 

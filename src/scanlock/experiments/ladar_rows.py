@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.experiments.ladar_series import CREEPING, PARKED, Drive
+from scanlock.experiments.ladar_series import CREEPING, PARKED, LadarDrive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.pipelines.starts import Displaced
@@ -31,7 +31,7 @@ class PaperRow:
     """A row of Table 1."""
 
     name: str
-    drive: Drive
+    drive: LadarDrive
     """Between which frames of ours its pair is."""
 
     start: str

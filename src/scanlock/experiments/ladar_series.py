@@ -24,7 +24,7 @@ from scanlock.simulation import (
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Drive:
+class LadarDrive:
     """How a vehicle moves between two frames of its ladar."""
 
     name: str
@@ -41,10 +41,10 @@ class Drive:
         return f"{self.name}, {frames}"
 
 
-PARKED = Drive(name="parked", speed=1e-6, apart=20)
-CREEPING = Drive(name="creeping", speed=0.05, apart=1)
-WALKING = Drive(name="at a walk", speed=1.0, apart=20)
-DRIVING = Drive(name="at 15 km/h", speed=15.0 / 3.6, apart=1)
+PARKED = LadarDrive(name="parked", speed=1e-6, apart=20)
+CREEPING = LadarDrive(name="creeping", speed=0.05, apart=1)
+WALKING = LadarDrive(name="at a walk", speed=1.0, apart=20)
+DRIVING = LadarDrive(name="at 15 km/h", speed=15.0 / 3.6, apart=1)
 
 DRIVES = (CREEPING, PARKED, DRIVING, WALKING)
 """The paper does not tell its speeds; the first two leave its distances, the others are beyond."""
@@ -107,7 +107,7 @@ def _terrain(number: int) -> Scene:
     return rugged(np.random.default_rng(number))
 
 
-def frame_names(place: int, drive: Drive) -> tuple[str, str]:
+def frame_names(place: int, drive: LadarDrive) -> tuple[str, str]:
     """Return the names of the two frames of a drive at a place: target and source."""
     stem = f"place {place:02d} {drive.name} frame"
     return f"{stem} 0", f"{stem} {drive.apart}"
@@ -122,7 +122,7 @@ def ladar_pairs(series: ScanSeries) -> list[StudyPair]:
     ]
 
 
-def pairs_of(drive: Drive, pairs: Sequence[StudyPair]) -> list[StudyPair]:
+def pairs_of(drive: LadarDrive, pairs: Sequence[StudyPair]) -> list[StudyPair]:
     """Return the pairs of one drive, in the order of their places."""
     return [
         pair

@@ -1,6 +1,6 @@
 """Maps of several methods from above, and one place of them closer, as Figure 4 of Das et al."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -61,8 +61,9 @@ class DrawnMap:
 def map_figure(maps: Mapping[str, DrawnMap], *, title: str = "") -> "Figure":
     """Return a figure of maps in one frame: whole with the path, and closer inside the frame.
 
-    Each pixel is the darker the more points fall into it, so that what is smeared is pale. The
-    window and the place of the close-up are chosen on the first map and are the same for all.
+    Each pixel is the darker the more points fall into it, so that what is smeared is pale. All
+    maps share a window that holds nearly all of every one, however far some have strayed, and the
+    place of the close-up, which is chosen on the first.
 
     Raises
     ------
@@ -74,11 +75,12 @@ def map_figure(maps: Mapping[str, DrawnMap], *, title: str = "") -> "Figure":
     if not maps or any(len(drawn.standing) == 0 for drawn in maps.values()):
         raise InvalidInput("a map figure needs maps with points in them")
     first = next(iter(maps.values()))
-    middle, half = window_around(first.standing[:, :2], first.path[:, :2])
-    side = min(_CLOSE_UP, 0.5 * half)
-    corner = _place_by_the_path(first, middle, half, side)
-    columns = min(len(maps), _COLUMNS)
-    blocks = -(-len(maps) // columns)
+    own_middle, own_half = window_around(first.standing[:, :2], first.path[:, :2])
+    side = min(_CLOSE_UP, 0.5 * own_half)
+    corner = _place_by_the_path(first, own_middle, own_half, side)
+    middle, half = _common_window([*maps.values()])
+    blocks = -(-len(maps) // _COLUMNS)
+    columns = -(-len(maps) // blocks)
     figure = blank_figure(3.3 * columns + 0.5, blocks * 7.0 + 0.3 * bool(title))
     if title:
         figure.suptitle(title, fontsize=12, color=INK)
@@ -99,6 +101,14 @@ def map_figure(maps: Mapping[str, DrawnMap], *, title: str = "") -> "Figure":
         square_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]" * (column == 0)))
         close.set_title("inside the frame", fontsize=9, color=FAINT)
     return figure
+
+
+def _common_window(maps: Sequence[DrawnMap]) -> tuple[Vector, float]:
+    """Return the middle and half the side [m] of a square around the windows of all maps."""
+    windows = [window_around(drawn.standing[:, :2], drawn.path[:, :2]) for drawn in maps]
+    low = np.min([middle - half for middle, half in windows], axis=0)
+    high = np.max([middle + half for middle, half in windows], axis=0)
+    return 0.5 * (low + high), 0.5 * float((high - low).max())
 
 
 def _place_by_the_path(drawn: DrawnMap, middle: Vector, half: float, side: float) -> Vector:

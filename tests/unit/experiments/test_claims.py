@@ -22,6 +22,14 @@ def test_more_accurate_compares_medians(outcome_of):
     assert not claims.more_accurate("", outcome, ["a"], ["a"]).holds
 
 
+def test_low_errors_are_within_the_limit_of_solved_pairs(outcome_of):
+    outcome = outcome_of({"a": [GOOD, FAIR, BAD], "b": [GOOD, BAD, BAD]})
+    assert claims.low_errors("", outcome, "a").holds
+    claim = claims.low_errors("", outcome, "b")
+    assert not claim.holds
+    assert "where 0.3 m are allowed" in claim.because
+
+
 def test_losing_pairs_means_to_solve_fewer_than_every_other(outcome_of):
     outcome = outcome_of({"a": [GOOD] * 3, "b": [GOOD, BAD, GOOD], "c": [BAD] * 3})
     assert claims.loses_pairs("", outcome, "c", ["a", "b"]).holds
@@ -51,10 +59,13 @@ def test_crisper_and_alike_look_at_the_counts():
     assert "10.00% apart where 2% are allowed" in claim.because
 
 
-@pytest.mark.parametrize("kind", ["accurate", "more_accurate", "loses_pairs", "largest_errors"])
+@pytest.mark.parametrize(
+    "kind", ["accurate", "low_errors", "more_accurate", "loses_pairs", "largest_errors"]
+)
 def test_without_the_method_or_the_truth_nothing_is_decided(outcome_of, series, kind):
     arguments = {
         "accurate": (["a", "b"],),
+        "low_errors": ("b",),
         "more_accurate": (["a"], ["b"]),
         "loses_pairs": ("a", ["b"]),
         "largest_errors": ("a", ["b"]),
