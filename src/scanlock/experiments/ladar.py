@@ -14,7 +14,7 @@ from scanlock.experiments.ladar_outcome import LadarOutcome, measured
 from scanlock.experiments.ladar_rows import ROWS, STARTS
 from scanlock.experiments.ladar_series import ladar_pairs, ladar_series
 from scanlock.experiments.ladar_tables import drive_table, paper_table, solved_table
-from scanlock.experiments.pairwise import SOLVED, TRUTH, pair_table
+from scanlock.experiments.pairwise import SOLVED, TRUTH, error_table, pair_table
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.registration.icp import Icp
@@ -39,7 +39,9 @@ prints; the others are beyond it. A mean distance is thus to be held against tha
 pose, and proves no pose. It is taken over the pairs within the mean and three deviations of all,
 those that the paper keeps where scans are well aligned."""
 
-_SOLVED = f"Places at which the pose ends within {SOLVED} of the true one."
+_SOLVED = f"""\
+Places at which the pose ends within {SOLVED} of the true one, and over all frames and starts the
+errors, with the poses that were called right."""
 
 
 def ladar_contenders() -> list[Contender]:
@@ -110,6 +112,7 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
                 text=_SOLVED,
                 tables={
                     "solved": solved_table(found),
+                    "errors": error_table(outcome),
                     "pairs": pair_table(outcome),
                 },
             ),
