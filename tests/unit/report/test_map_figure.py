@@ -35,8 +35,8 @@ def test_all_maps_are_seen_through_the_same_windows():
 
 
 def test_a_map_that_strays_is_seen_where_it_went():
-    true, strayed = _drawn(), _drawn()
-    strayed = DrawnMap(strayed.standing + [200.0, 0.0, 0.0], strayed.path + [200.0, 0.0, 0.0])
+    true, away = _drawn(), np.array([200.0, 0.0, 0.0])
+    strayed = DrawnMap(true.standing + away, true.path + away)
     whole, other, close, _ = map_figure({"true": true, "strayed": strayed}).axes
     for axes in (whole, other):
         left, right = axes.get_xlim()
