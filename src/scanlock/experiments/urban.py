@@ -145,7 +145,7 @@ URBAN = Experiment(
     about=_ABOUT,
     contenders=urban_contenders(),
     simulated=_simulated,
-    scans=100,
+    scans=101,
     every=_EVERY,
     examine=_examine,
 )
