@@ -56,7 +56,7 @@ def test_closest_pairs_end_in_the_same_minimum(scan_data, pair, neighbours):
 
 @_with_each_pair
 def test_open3d_ends_in_the_same_minimum(scan_data, pair):
-    open3d = pytest.importorskip("open3d")
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
     registration = open3d.pipelines.registration
     target, source, truth = real_pair(scan_data, pair)
     method = Gicp(gates=(1.0,), tolerance=1e-6)
