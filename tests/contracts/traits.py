@@ -75,9 +75,8 @@ TRAITS: dict[str, Traits] = {
     "vgicp": Traits(uses_ground=True),
     # The mean and the spread of all pairs set the gate.
     "icp": Traits(uses_ground=True, is_local=False),
-    # The search that looks 4 m and 25 degrees about turns with neither scan, and what it finds
-    # leads to another of the fixed points of ICP, centimetres apart.
-    "icp-annealed": Traits(half_turn_gap=2 * METRES, uses_ground=True, is_local=False),
+    # The search that looks 4 m and 25 degrees about turns with neither scan.
+    "icp-annealed": Traits(uses_ground=True, is_local=False),
     # A turn of 0.8 rad is beyond the coarsest cubes of this thin scene.
     "ndt": Traits(motions=(*FAR_MOTIONS[:2], FAR_MOTIONS[3]), uses_ground=True),
     "ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True, uses_ground=True),

@@ -46,6 +46,11 @@ class AnnealedStart:
     trim: float = 0.8
     """Share of the points whose distances count, the smallest: the rest may be hidden."""
 
+    advantage: float = 0.01
+    """The descent from the initial pose is kept unless another ends with a trimmed distance
+    smaller by more than this share of it. Fixed points of ICP lie centimetres apart, as good as
+    each other, and chance would decide between them."""
+
     seed: int = 0
     """Decides which points are sampled."""
 
@@ -56,6 +61,7 @@ class AnnealedStart:
         require_positive("truncation", self.truncation, unit="m")
         require_positive("trim", self.trim)
         require_fraction("trim", self.trim)
+        require_fraction("advantage", self.advantage)
         require_count("seed", self.seed, 0)
 
     def sampled(self, cloud: PointCloud) -> Points:

@@ -137,9 +137,12 @@ class Icp:
         if not supported:
             return found[0]
         gaps = [self.annealing.trimmed_distance(target, source, one.pose) for one in supported]
-        note = f"annealing found {len(starts) - 1} starts; trimmed distance {min(gaps):.3g} m"
-        best = supported[int(np.argmin(gaps))]
-        return replace(best, notes=(*best.notes, note))
+        best = int(np.argmin(gaps))
+        if supported[0] is found[0] and gaps[best] >= (1.0 - self.annealing.advantage) * gaps[0]:
+            best = 0
+        note = f"annealing found {len(starts) - 1} starts; trimmed distance {gaps[best]:.3g} m"
+        kept = supported[best]
+        return replace(kept, notes=(*kept.notes, note))
 
     def _descend(
         self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint
