@@ -93,8 +93,9 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
         sections=[
             Section(
                 title="Table 1",
-                text="Medians over all places. Iterations are pairings of ICP, and evaluations of "
-                "the score for the other methods.",
+                text="Medians over all places. Iterations are pairings of ICP, those of the "
+                "descent that is kept where several are tried, and evaluations of the score for "
+                "the other methods.",
                 tables={"table-1": table},
             ),
             Section(

@@ -78,6 +78,11 @@ def first_poses(found: LadarOutcome, row: PaperRow) -> dict[str, Pose]:
 
 
 def _placed(found: LadarOutcome, row: PaperRow, shown: Sequence[str]) -> Mapping[str, Pose]:
+    """Return where D lies before and after; a contender without a pose leaves it where it was."""
     start = STARTS.pose(row.start, "", None, np.zeros(3))
-    found_poses = first_poses(found, row)
-    return {"before": start} | {f"after {name}": found_poses.get(name, start) for name in shown}
+    ends = first_poses(found, row)
+    after = {
+        f"after {name}" if name in ends else f"{name} failed": ends.get(name, start)
+        for name in shown
+    }
+    return {"before": start} | after

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scanlock.arrays import Points
 from scanlock.evaluation.closest_distances import closest_distances, kept_mean
 from scanlock.experiments.experiment import Outcome, Watch
 from scanlock.experiments.ladar_series import DRIVES, LadarDrive, pairs_of
 from scanlock.experiments.pairwise import SOLVED
+from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyPair, StudyRecord
 
 
@@ -25,14 +27,11 @@ class LadarOutcome:
         pose that was found; see `kept_mean`.
     exact : mapping of str to float [m]
         The same at the exact pose, by the name of the pair.
-    points : mapping to tuple of int
-        How many points model and data have, by the name of the pair.
     """
 
     outcome: Outcome
     after: Mapping[tuple[str, str, str], float]
     exact: Mapping[str, float]
-    points: Mapping[str, tuple[int, int]]
 
     @property
     def places(self) -> int:
@@ -69,20 +68,18 @@ def measured(outcome: Outcome, watch: Watch) -> LadarOutcome:
     """Return the registrations with the mean distances that they leave."""
     after: dict[tuple[str, str, str], float] = {}
     exact: dict[str, float] = {}
-    points: dict[str, tuple[int, int]] = {}
     found: dict[str, list[StudyRecord]] = {pair.name: [] for pair in outcome.pairs}
     for records in outcome.records.values():
         for record in records:
             found[record.task.pair].append(record)
     for pair in watch(outcome.pairs, len(outcome.pairs), "measuring distances"):
         model, data = (np.asarray(outcome.series.load(n)) for n in (pair.target, pair.source))
-        points[pair.name] = len(model), len(data)
-        if pair.truth is not None:
-            exact[pair.name] = kept_mean(closest_distances(model, data, pair.truth))
+        exact[pair.name] = _mean_distance(model, data, pair.truth)
         for record in found[pair.name]:
             key = (pair.name, record.task.start, record.task.method)
-            if record.pose is None:
-                after[key] = math.nan
-            else:
-                after[key] = kept_mean(closest_distances(model, data, record.pose))
-    return LadarOutcome(outcome, after, exact, points)
+            after[key] = _mean_distance(model, data, record.pose)
+    return LadarOutcome(outcome, after, exact)
+
+
+def _mean_distance(model: Points, data: Points, pose: Pose | None) -> float:
+    return math.nan if pose is None else kept_mean(closest_distances(model, data, pose))

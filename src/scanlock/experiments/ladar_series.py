@@ -124,12 +124,7 @@ def ladar_pairs(series: ScanSeries) -> list[StudyPair]:
 
 def pairs_of(drive: LadarDrive, pairs: Sequence[StudyPair]) -> list[StudyPair]:
     """Return the pairs of one drive, in the order of their places."""
-    return [
-        pair
-        for place in range(len(pairs) // len(DRIVES))
-        for pair in pairs
-        if (pair.target, pair.source) == frame_names(place, drive)
-    ]
+    return list(pairs[DRIVES.index(drive) :: len(DRIVES)])
 
 
 def range_image(points: Points) -> Matrix:

@@ -86,14 +86,8 @@ def drive_table(found: LadarOutcome) -> Table:
     for drive in DRIVES:
         pairs = found.pairs(drive)
         motions = [pair.truth.distance(Pose.identity()) for pair in pairs if pair.truth]
-        before = [
-            kept_mean(
-                closest_distances(
-                    np.asarray(load(pair.target)), np.asarray(load(pair.source)), Pose.identity()
-                )
-            )
-            for pair in pairs
-        ]
+        scans = [(np.asarray(load(one.target)), np.asarray(load(one.source))) for one in pairs]
+        before = [kept_mean(closest_distances(*both, Pose.identity())) for both in scans]
         exact = [100.0 * metres for metres in found.exact_distances(drive)]
         rows.append(
             [
@@ -101,8 +95,8 @@ def drive_table(found: LadarOutcome) -> Table:
                 drive.speed,
                 middle([metres for metres, _ in motions]),
                 math.degrees(middle([radians for _, radians in motions])),
-                middle([float(found.points[pair.name][0]) for pair in pairs]),
-                middle([float(found.points[pair.name][1]) for pair in pairs]),
+                middle([float(len(model)) for model, _ in scans]),
+                middle([float(len(data)) for _, data in scans]),
                 100.0 * middle(before),
                 middle(exact),
                 min(exact),

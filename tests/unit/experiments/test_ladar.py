@@ -143,7 +143,7 @@ def _made_up(distances, errors):
     }
     outcome = Outcome(series=None, pairs=pairs, records=records)
     exact = {pair.name: 0.04 for pair in pairs}
-    return LadarOutcome(outcome, after, exact, {pair.name: (9, 9) for pair in pairs})
+    return LadarOutcome(outcome, after, exact)
 
 
 @pytest.mark.parametrize(
