@@ -156,7 +156,7 @@ def _by_axes(kept, start, gate, normals):
 @_with_each_gate
 def test_planes_of_small_gicp_are_our_pairs_with_another_residual(scan_data, pair, gate):
     # Its PLANE_ICP multiplies normal and distance along each axis and never sums: no distance
-    # to a plane, and its minimum lies 1 to 23 mm away. All else is as ours: normals, pairs, steps.
+    # to a plane, and another minimum. All else is as ours: normals, pairs, steps.
     kept, start = _prepared(scan_data, pair, _icp(gate, "point-to-plane"))
     theirs, normals = _by_small_gicp(kept, start, gate, "PLANE_ICP")
     cosines = np.abs(np.einsum("na,na->n", normals, kept[0].normals))

@@ -154,7 +154,7 @@ class Icp:
         while True:
             previous = trail.settled_limit(self.settling, pose)
             pairs = self.pairing.pair(target, source, pose, previous, most, self.fit.residual)
-            if pairs.weighty < LEAST_POINTS:
+            if pairs.effective < LEAST_POINTS:
                 trail.add(_NOTHING, pose, pairs, accepted=False)
                 return trail.solution(start, _NOTHING, StopReason.NO_SUPPORT)
             objective = self.fit.objective(target, source, pairs, pose)

@@ -105,7 +105,7 @@ class Pairs:
         return len(self.target_rows)
 
     @property
-    def weighty(self) -> int:
+    def effective(self) -> int:
         """How many of the pairs have any weight."""
         return int(np.count_nonzero(self.weights))
 

@@ -66,7 +66,7 @@ def test_pairs_are_frozen_and_count_those_with_weight():
     moved[:15, 2] += 0.2
     scans = point_scan(points), point_scan(moved)
     pairs = pairing.pair(*scans, Pose.identity(), np.inf, np.inf, "point-to-point")
-    assert pairs.weighty == np.count_nonzero(pairs.weights) < len(pairs) == 40
+    assert pairs.effective == np.count_nonzero(pairs.weights) < len(pairs) == 40
     for array in (pairs.target_rows, pairs.source_rows, pairs.weights):
         assert not array.flags.writeable
 
