@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from contracts.traits import TRAITS, source, target
+from contracts.traits import METRES, TRAITS, gap, motion, source, target
 from reference.samples import street, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.registration.methods import METHODS
@@ -69,6 +69,11 @@ def _wall(seed):
 def test_scans_out_of_reach_return_the_initial_pose(method):
     initial = yaw_pose(0.3, (500.0, 20.0, 0.0))
     found = register(source(method), target(), method=method, initial=initial)
+    if TRAITS[method].searches:
+        # What an initial pose says is no more than a guess.
+        assert found.status is Status.OK
+        assert gap(found.target_from_source, motion(method), source(method)) < 2 * METRES
+        return
     assert found.status is not Status.OK
     if TRAITS[method].is_bounded:
         assert found.status is Status.NO_SUPPORT

@@ -63,11 +63,15 @@ class Traits:
     is_bounded: bool = True
     """Whether scans out of each other's reach end with no support, at the initial pose."""
 
+    searches: bool = False
+    """Whether an initial pose is one hypothesis among others, and none is needed."""
+
     uses_ground: bool = False
     """Whether a scan without anything above the ground is still something to register."""
 
 
 TRAITS: dict[str, Traits] = {
+    "auto": Traits(motions=FAR_MOTIONS, uses_ground=True, searches=True),
     # D2D is stationary at identity and symmetric under exchange, exactly.
     "sgc-ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True),
     "sgc-ndt-p2d": Traits(motions=FAR_MOTIONS),

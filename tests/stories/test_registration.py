@@ -29,18 +29,35 @@ def test_two_scans_are_registered_and_the_pose_is_used():
     assert json.loads(result.to_json())["status"] == "ok"
 
 
+def test_no_start_is_needed_whatever_the_heading():
+    motion = yaw_pose(2.6, (14.0, -3.0, 0.0))
+    reference, scene = street(1), motion.inverse().apply(street(2))
+
+    found = scanlock.register(scene, reference)
+    assert found.ok, found.reason
+    assert found.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
+    # And it says how it knows: one pose was found, and none that comes near it.
+    assert found.candidates[0].maker == "heading search"
+    assert found.second_best < 0.5
+
+    # A start that is wrong by anything does no harm.
+    misled = scanlock.register(scene, reference, initial=yaw_pose(-1.0, (-20.0, 9.0, 0.0)))
+    assert misled.ok, misled.reason
+    assert misled.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
+
+
 def test_a_failure_says_why_and_a_better_start_mends_it():
     motion = yaw_pose(2.6, (4.0, -3.0, 0.0))
     reference, scene = street(1), motion.inverse().apply(street(2))
 
-    lost = scanlock.register(scene, reference)
+    lost = scanlock.register(scene, reference, method="sgc-ndt-d2d")
     assert not lost.ok
     assert lost.status is scanlock.Status.LOW_OVERLAP
     assert "pose is likely wrong" in lost.reason
 
     # A compass that is 20 degrees off, and a position that is 2 m off, are enough.
     guess = yaw_pose(2.6 + math.radians(20.0), (5.0, -4.5, 0.0))
-    found = scanlock.register(scene, reference, initial=guess)
+    found = scanlock.register(scene, reference, initial=guess, method="sgc-ndt-d2d")
     assert found.ok, found.reason
     assert found.target_from_source.is_close(motion, translation=0.1, rotation=math.radians(0.3))
 

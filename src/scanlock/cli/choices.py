@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 MethodName = Literal[
+    "auto",
     "sgc-ndt-d2d",
     "sgc-ndt-p2d",
     "gicp",

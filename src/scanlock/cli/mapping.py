@@ -56,7 +56,7 @@ def map_folder(
     output : Path
         Folder for the trajectory, the map and the table of pairs; it must not hold a map yet.
     method : str
-        How to register; sgc-ndt-d2d by default.
+        How to register; auto by default.
     settings : Path
         A method with settings of your own: TOML as scanlock settings prints it.
     dof : str

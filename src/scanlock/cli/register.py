@@ -42,7 +42,7 @@ def register(
     scene : Path
         The scan that moves.
     method : str
-        How to register; sgc-ndt-d2d by default.
+        How to register; auto by default.
     settings : Path
         A method with settings of your own: TOML as scanlock settings prints it.
     initial : Path

@@ -1,5 +1,6 @@
 """Parts of a scan as Gaussians: means, covariances, counts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -63,6 +64,18 @@ class Gaussians:
         counts, means, packed = labelled_moments(read_only(points), read_only(labels), parts)
         kept = counts >= least_count
         return cls(means[kept], unpacked(packed[kept]), counts[kept])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Gaussians]") -> "Gaussians":
+        """Return the Gaussians of several sets as one, in the order given."""
+        joined = cls(
+            np.concatenate([part.means for part in parts]),
+            np.concatenate([part.covariances for part in parts]),
+            np.concatenate([part.counts for part in parts]),
+        )
+        return joined._reshaped(
+            joined.covariances, np.concatenate([part.variances for part in parts])
+        )
 
     def __len__(self) -> int:
         return len(self.means)

@@ -8,7 +8,7 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import hat, inverse_left_jacobian, log_rotation
+from scanlock.geometry.rotations import exp_rotation, hat, inverse_left_jacobian, log_rotation
 from scanlock.objectives.quadratic import Objective, Quadratic
 
 DegreesOfFreedom = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
@@ -130,6 +130,17 @@ class Restraint:
     def free_directions(self) -> Vector:
         """The (6,) ones for the components of a step ``(rho, phi)`` that may change, else 0."""
         return np.array(_FREE[self.dof])
+
+    def held(self, pose: Pose, start: Pose) -> Pose:
+        """Return the pose nearest to `pose` that leaves locked directions as in `start`."""
+        if self.dof == "xyz+rpy":
+            return pose
+        turn = pose.rotation @ start.rotation.T
+        yaw = np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+        translation = pose.translation.copy()
+        if self.dof == "xy+yaw":
+            translation[2] = start.translation[2]
+        return Pose(exp_rotation(np.array([0.0, 0.0, yaw])) @ start.rotation, translation)
 
     def on(self, objective: Objective) -> Objective:
         """Return the objective under this restraint; any solver can minimise it."""

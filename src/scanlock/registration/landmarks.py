@@ -1,7 +1,7 @@
 """What registration keeps of one scan: lines 1 to 5 of Algorithm 1 of Das et al. 2013."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scanlock.arrays import Labels, Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
@@ -79,6 +79,13 @@ class LandmarkFinder:
         clock = StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
+        landmarks = self.find_above(cloud, ground, radii)
+        return replace(landmarks, timings={**clock.seconds, **landmarks.timings})
+
+    def find_above(self, cloud: PointCloud, ground: Ground, radii: Sequence[float]) -> Landmarks:
+        """Return the landmarks of a cloud whose ground is known; see `find`."""
+        clock = StageClock()
+        with clock.stage("obstacles"):
             obstacles = read_only(cloud.points[is_obstacle(cloud, ground)])
         distinct = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):

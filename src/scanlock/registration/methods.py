@@ -1,12 +1,13 @@
 """The one list of methods; the command line, the studies and the contract tests read it."""
 
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.annealing import AnnealedStart
+from scanlock.registration.auto import Auto, Found
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
 from scanlock.registration.mskm_ndt import MskmNdt
@@ -57,7 +58,19 @@ class Method(Protocol[_Kept]):
         ...
 
 
+@runtime_checkable
+class Search(Protocol):
+    """A method that needs no start."""
+
+    def find(
+        self, target: Any, source: Any, initial: Pose | None = None, restraint: Restraint = FREE
+    ) -> Found:
+        """Return the pose found and its rivals, in the local frames of the clouds."""
+        ...
+
+
 METHODS: dict[str, Method[Any]] = {
+    "auto": Auto(),
     "sgc-ndt-d2d": SgcNdt(score="d2d"),
     "sgc-ndt-p2d": SgcNdt(score="p2d"),
     "gicp": Gicp(),
@@ -70,4 +83,4 @@ METHODS: dict[str, Method[Any]] = {
 }
 """Each method by name, with its default settings."""
 
-DEFAULT_METHOD = "sgc-ndt-d2d"
+DEFAULT_METHOD = "auto"

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
+from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.evidence import Evidence, evidence_of, find_evidence
 from scanlock.registration.landmarks import LEAST_PARTS, Landmarks
 from scanlock.registration.methods import DEFAULT_METHOD, METHODS, Kept, Method
@@ -88,7 +89,11 @@ def prepare(
     if kept.shortage:
         return PreparedScan(chosen, name, kept, None, kept.shortage, clock.seconds)
     with clock.stage("evidence"):
-        evidence = evidence_of(kept) if isinstance(kept, Landmarks) else find_evidence(cloud)
+        landmarks = kept.landmarks if isinstance(kept, AutoScan) else kept
+        if isinstance(landmarks, Landmarks) and not landmarks.shortage:
+            evidence = evidence_of(landmarks)
+        else:
+            evidence = find_evidence(cloud)
     parts = len(evidence.gaussians)
     shortage = "" if parts >= LEAST_PARTS else f"holds {parts} parts, of {LEAST_PARTS} needed"
     return PreparedScan(chosen, name, kept, evidence, shortage, clock.seconds)

@@ -10,17 +10,14 @@ from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
+from scanlock.registration.agreement import gaussian_overlap, score_correlation
+from scanlock.registration.auto import Found
 from scanlock.registration.evidence import Evidence
-from scanlock.registration.methods import DEFAULT_METHOD, Method
+from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
 from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
-from scanlock.registration.verdict import (
-    gaussian_overlap,
-    judge,
-    score_correlation,
-    weakest_direction,
-)
+from scanlock.registration.verdict import judge, weakest_direction
 from scanlock.solvers.solution import Solution
 
 
@@ -46,7 +43,9 @@ def register(
         A key of `METHODS`, or a method with settings of your own such as ``SgcNdt(...)``. By
         default the one that prepared the scans, or else `DEFAULT_METHOD`.
     initial : (4, 4) array or Pose, optional
-        Where to start, target from source; the identity by default.
+        Where to start, target from source. The default method needs none: it searches all
+        headings and places, and an initial pose is one more hypothesis. Other methods start from
+        the identity without one.
     dof : str
         What may change of the initial pose, along and about the target's axes: ``"xyz+rpy"``
         everything, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for a flat world.
@@ -93,13 +92,19 @@ def register(
     clouds = sides[0].cloud, sides[1].cloud
     with clock.stage("align"):
         restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
-        solution = chosen.align(sides[0].kept, sides[1].kept, local_pose(start, *clouds), restraint)
+        kept, begins = (sides[0].kept, sides[1].kept), local_pose(start, *clouds)
+        if isinstance(chosen, Search):
+            found = chosen.find(*kept, None if initial is None else begins, restraint)
+        else:
+            found = Found(chosen.align(*kept, begins, restraint), ())
+        solution = found.solution
     with clock.stage("verdict"):
         overlap, score, status, reason = _verdict(solution, evidence[0], evidence[1])
     clock.seconds["total"] = time.perf_counter() - begin
     return Registration(
         caller_pose(solution.pose, *clouds), status, reason, name, overlap, score,
         solution.history, clock.seconds, (*notes, *solution.notes),
+        tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
     )  # fmt: skip
 
 

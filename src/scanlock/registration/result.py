@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scanlock.geometry.pose import Pose
+from scanlock.registration.candidate import Candidate
 from scanlock.solvers.solution import Iteration
 
 
@@ -60,6 +61,9 @@ class Registration:
         Wall time of each stage, and their ``"total"``.
     notes : tuple of str
         What was found or inferred on the way that a user may want to know.
+    candidates : tuple of Candidate
+        The finished poses that a method which searches had to choose from, the chosen one first;
+        empty for other methods.
     """
 
     target_from_source: Pose
@@ -71,6 +75,7 @@ class Registration:
     history: tuple[Iteration, ...]
     timings: Mapping[str, float]
     notes: tuple[str, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -85,6 +90,17 @@ class Registration:
         """Evaluations of the objective over all scales."""
         return len(self.history)
 
+    @property
+    def second_best(self) -> float:
+        """Agreement of the best rival as a share of the chosen pose's, at least 0.
+
+        0 where no other candidate was left at the end; NaN for methods that do not search.
+        """
+        if not self.candidates or self.candidates[0].agreement <= 0.0:
+            return math.nan
+        rivals = [one.agreement for one in self.candidates[1:]]
+        return max(rivals, default=0.0) / self.candidates[0].agreement
+
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, ready for JSON; NaN becomes None."""
         return {
@@ -92,11 +108,22 @@ class Registration:
             "reason": self.reason,
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
-            "overlap": None if math.isnan(self.overlap) else self.overlap,
-            "score": None if math.isnan(self.score) else self.score,
+            "overlap": _number(self.overlap),
+            "score": _number(self.score),
             "iterations": self.iterations,
             "timings_s": dict(self.timings),
             "notes": list(self.notes),
+            "second_best": _number(self.second_best),
+            "candidates": [
+                {
+                    "target_from_source": one.target_from_source.matrix.tolist(),
+                    "maker": one.maker,
+                    "overlap": _number(one.overlap),
+                    "score": _number(one.score),
+                    "violation": _number(one.violation),
+                }
+                for one in self.candidates
+            ],
         }
 
     def to_json(self) -> str:
@@ -124,4 +151,9 @@ class Registration:
             self.history,
             dict(self.timings),
             self.notes,
+            self.candidates,
         )
+
+
+def _number(value: float) -> float | None:
+    return None if math.isnan(value) else value

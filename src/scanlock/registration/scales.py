@@ -6,7 +6,7 @@ from typing import Protocol
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.landmarks import LEAST_PARTS
 
-_LEAST_SHARE = 0.6
+LEAST_SHARE = 0.6
 """Share of a scan's points that the Gaussians of a scale must hold.
 
 Scans of 60,000 points and more have over 0.9 of them in cells of 1 m with six points each, one of
@@ -35,7 +35,7 @@ def dense_scales(*scans: Scaled) -> list[int]:
     dense = [
         scale
         for scale, (count, share) in enumerate(zip(counts, shares, strict=True))
-        if count >= LEAST_PARTS and share >= _LEAST_SHARE
+        if count >= LEAST_PARTS and share >= LEAST_SHARE
     ]
     return dense or [max(range(len(counts)), key=lambda scale: counts[scale])]
 

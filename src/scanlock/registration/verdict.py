@@ -3,16 +3,10 @@
 import numpy as np
 
 from scanlock.arrays import Vector
-from scanlock.geometry.pose import Pose
-from scanlock.kernels.meeting import meeting_gaussians
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.result import Status
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
-
-_MEETING_SQUARED = 9.0
-"""Two parts meet within three standard deviations of their difference."""
 
 _LEAST_HOLD = 0.15
 """Least hold along the weakest direction of a pose that is trusted, see `weakest_direction`.
@@ -30,41 +24,6 @@ least 0.41 and wrong ones at most 0.31; each factor alone overlaps. Two scans of
 apart fall below it too: the status then errs towards distrust. An indoor corridor was not among
 them; it repeats itself, and passes at the wrong place.
 """
-
-
-def gaussian_overlap(target: Gaussians, source: Gaussians, pose: Pose) -> float:
-    """Return the share of the source's Gaussians, by weight, that meet one of the target.
-
-    Two Gaussians meet when the squared Mahalanobis distance of their means, under the sum of
-    their covariances, is below 9.
-    """
-    moved = source.transformed(pose)
-    met = meeting_gaussians(
-        target.means,
-        target.packed_covariances,
-        target.widths,
-        moved.means,
-        moved.packed_covariances,
-        source.widths,
-        _MEETING_SQUARED,
-    )
-    squares = source.weights() ** 2
-    return float(squares[met].sum() / squares.sum())
-
-
-def score_correlation(target: Gaussians, source: Gaussians, pose: Pose) -> float:
-    """Return the D2D score at a pose over the geometric mean of the scans' self-scores.
-
-    In [0, 1]: 1 for a scan with itself. The scores leave out the determinants that would make
-    them an inner product, so contrived sets can come out above, and are capped.
-    """
-    identity = Pose.identity()
-    cross = GaussiansToGaussians(target=target, source=source).linearise(pose).value
-    own = [
-        GaussiansToGaussians(target=one, source=one).linearise(identity).value
-        for one in (target, source)
-    ]
-    return min(1.0, abs(cross) / float(np.sqrt(own[0] * own[1])))
 
 
 def weakest_direction(gaussians: Gaussians) -> tuple[float, Vector]:

@@ -18,7 +18,7 @@ def _scans():
 
 @pytest.mark.parametrize("guess", ["identity", "velocity"])
 def test_the_motions_chain_to_the_trajectory(guess):
-    steps = list(mapped_scans(_scans(), guess=guess))
+    steps = list(mapped_scans(_scans(), guess=guess, method="sgc-ndt-d2d"))
     assert steps[0].registration is None
     assert steps[0].pose == Pose.identity()
     for step, truth in zip(steps, _POSES, strict=True):
@@ -48,7 +48,7 @@ def test_scans_come_one_at_a_time_and_go_out_as_soon_as_they_are_known():
 
 def test_a_pair_that_fails_is_flagged_and_the_next_begins_afresh():
     scans = [street(1), street(2, layout=77), street(3, layout=77)]
-    steps = list(mapped_scans(scans, guess="velocity"))
+    steps = list(mapped_scans(scans, guess="velocity", method="sgc-ndt-d2d"))
     assert [step.ok for step in steps] == [True, False, True]
     assert steps[2].registration.history[0].pose == Pose.identity()
     assert np.isfinite(steps[2].pose.matrix).all()

@@ -8,8 +8,8 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import PosePrior
+from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.evidence import find_evidence
-from scanlock.registration.landmarks import Landmarks
 from scanlock.registration.prepared import prepare
 from scanlock.registration.register import register
 from scanlock.registration.result import Status
@@ -49,13 +49,13 @@ def test_a_scan_prepared_by_another_method_is_refused(scans):
 
 def test_a_prepared_scan_tells_what_was_found():
     ready = prepare(np.insert(street(1), 7, np.nan, axis=0) + 1e5)
-    assert isinstance(ready.kept, Landmarks)
+    assert isinstance(ready.kept, AutoScan)
     assert ready.shortage == ""
     assert ready.notes[0] == "1 rows with NaN or Inf left out"
     assert ready.notes[1].startswith("computed about the origin")
     assert sum(note.startswith("ground found") for note in ready.notes) == 1
     short = prepare(np.eye(3))
-    assert short.shortage == "holds 0 parts besides the ground, of 4 needed"
+    assert short.shortage.startswith("holds 0 parts besides the ground, of 4 needed")
     assert short.evidence is None
 
 
@@ -77,7 +77,7 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
     covariance = np.diag([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-4])
     source, target = (PointCloud.from_array(here.apply(scan)) for scan in scans)
     prior = PosePrior(here @ believed @ here.inverse(), covariance)
-    mapped = register(source, target, prior=prior)
+    mapped = register(source, target, prior=prior, method="sgc-ndt-d2d")
     between = Pose(believed.rotation, believed.apply(source.origin - here.translation))
     shifted = Pose(between.rotation, between.translation + here.translation - target.origin)
     local = register(
@@ -85,12 +85,13 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
         target.points,
         initial=Pose(np.eye(3), source.origin - target.origin),
         prior=PosePrior(shifted, covariance),
+        method="sgc-ndt-d2d",
     )
     found = mapped.target_from_source.apply(source.points + source.origin)
     expected = local.target_from_source.apply(source.points) + target.origin
     assert np.abs(found - expected).max() < 1e-6
     # And it pulls: without it the pose lies farther from what is believed.
-    free = register(source, target)
+    free = register(source, target, method="sgc-ndt-d2d")
     gaps = [here.inverse() @ one.target_from_source @ here for one in (mapped, free)]
     pulled, unpulled = (pose.distance(believed)[0] for pose in gaps)
     assert pulled < 0.97 * unpulled

@@ -7,13 +7,9 @@ from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
+from scanlock.registration.agreement import gaussian_overlap, score_correlation
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import (
-    gaussian_overlap,
-    judge,
-    score_correlation,
-    weakest_direction,
-)
+from scanlock.registration.verdict import judge, weakest_direction
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 

@@ -1,0 +1,128 @@
+"""Descents from many hypotheses, of which few are followed to the end."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
+from scanlock.objectives.gaussian_scores import GaussiansToGaussians
+from scanlock.objectives.restraint import Restraint
+from scanlock.registration.coarse_to_fine import Scale
+from scanlock.registration.hypothesis import Hypothesis
+from scanlock.registration.in_turn import loosened
+from scanlock.solvers.newton import Newton
+from scanlock.solvers.solution import Iteration, Solution
+from scanlock.solvers.solver import Solver
+from scanlock.solvers.stopping import StopReason
+
+HYPOTHESIS_SCALES = (
+    Scale(blur=1.0, largest_radius=3.0, weight_power=0.25),
+    Scale(blur=0.0, largest_radius=1.5, weight_power=0.25),
+)
+"""For starts within 2 m and a few degrees. A wider blur would pull scans that share little to where
+their centres meet; and near objects, rich in points, may move with the sensor: its carrier, its
+vehicle. So they do not lead here."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """Where a hypothesis ended.
+
+    Attributes
+    ----------
+    maker : str
+        What proposed the hypothesis.
+    solution : Solution
+    """
+
+    maker: str
+    solution: Solution
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Descents:
+    """Settings: SGC-NDT D2D, scale by scale, and which descents go on after each."""
+
+    scales: tuple[Scale, ...] = HYPOTHESIS_SCALES
+    """Coarsest first."""
+
+    solver: Solver = field(default_factory=Newton)
+    """Minimises at each scale."""
+
+    loose_step: float = 0.01
+    """A blurred scale stops at steps below this share of its blur."""
+
+    least_share: float = 0.6
+    """A descent whose score at a scale is below this share of the best one's is given up."""
+
+    most: int = 3
+    """How many go on after each scale, at most."""
+
+    apart: tuple[float, float] = (0.5, 0.05)
+    """Two descents that end closer than this are one [m, rad]."""
+
+    def __post_init__(self) -> None:
+        if not self.scales:
+            raise InvalidInput("scales must not be empty")
+        require_fraction("loose_step", self.loose_step)
+        require_fraction("least_share", self.least_share)
+        require_count("most", self.most, 1)
+        for one, unit in zip(self.apart, ("m", "rad"), strict=True):
+            require_positive("apart", one, unit=unit)
+
+    def follow(
+        self,
+        target: Sequence[Gaussians],
+        source: Sequence[Gaussians],
+        hypotheses: Iterable[Hypothesis],
+        restraint: Restraint,
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return the descents that went to the end, best first, and the history of all.
+
+        Parameters
+        ----------
+        target, source : sequence of Gaussians
+            One set for each scale.
+        """
+        history: list[Iteration] = []
+        running = [(one.maker, one.pose) for one in hypotheses]
+        ended: list[Descent] = []
+        for index, scale in enumerate(self.scales):
+            objective = restraint.on(
+                GaussiansToGaussians(
+                    target=target[index].widened(scale.blur),
+                    source=source[index].widened(scale.blur),
+                    weight_power=scale.weight_power,
+                    curvature=self.solver.curvature,
+                )
+            )
+            solver = loosened(self.solver, self.loose_step * scale.blur)
+            ended = [Descent(maker, solver.minimise(objective, pose)) for maker, pose in running]
+            history += [step for one in ended for step in one.solution.history]
+            ended = self._best_of(ended)
+            running = [(one.maker, one.solution.pose) for one in ended]
+        return ended, tuple(history)
+
+    def _best_of(self, ended: list[Descent]) -> list[Descent]:
+        """Return the distinct ones that are good enough to go on, best first."""
+        met = [one for one in ended if one.solution.reason is not StopReason.NO_SUPPORT]
+        kept: list[Descent] = []
+        for one in sorted(met, key=lambda one: one.solution.quadratic.value):
+            value = one.solution.quadratic.value
+            if kept and value > self.least_share * kept[0].solution.quadratic.value:
+                break
+            if all(self._are_apart(one.solution.pose, other.solution.pose) for other in kept):
+                kept.append(one)
+            if len(kept) == self.most:
+                break
+        return kept
+
+    def _are_apart(self, one: Pose, other: Pose) -> bool:
+        metres, radians = one.distance(other)
+        return metres > self.apart[0] or radians > self.apart[1]
+
+
+def with_history(solution: Solution, history: tuple[Iteration, ...]) -> Solution:
+    """Return a solution that tells of what came before it."""
+    return replace(solution, history=(*history, *solution.history))

@@ -1,0 +1,109 @@
+"""The last stage: small cells of whole scans, ground included, Gaussian against Gaussian.
+
+Clusters hold a pose to centimetres, and leave height, roll and pitch weak. Cells of half a metre
+over everything that was seen are flat nearly everywhere, and thousands of flat Gaussians hold all
+six directions to a millimetre, from a start within a cell or two.
+"""
+
+from dataclasses import dataclass, field, replace
+
+from scanlock.arrays import Points, frozen
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import require_at_least, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
+from scanlock.models.voxel_gaussians import VoxelGrid
+from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
+from scanlock.objectives.restraint import FREE, Restraint
+from scanlock.registration.landmarks import LEAST_PARTS
+from scanlock.registration.scales import LEAST_SHARE
+from scanlock.registration.voxel_scan import measured_points, require_widths
+from scanlock.solvers.newton import Newton
+from scanlock.solvers.solution import Solution
+from scanlock.solvers.solver import Solver
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FineScan:
+    """The small cells of a scan.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+        All measured points.
+    width : float [m]
+        Side of the cells: the least that most points fill.
+    gaussians : Gaussians
+        Those of the cells of that width.
+    """
+
+    points: Points
+    width: float
+    gaussians: Gaussians
+
+    def __post_init__(self) -> None:
+        frozen(self.points)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FineStage:
+    """Settings of the last stage; `prepare` each scan once, `align` as many pairs as wanted."""
+
+    widths: tuple[float, ...] = (1.0, 2.0, 4.0)
+    """Sides of the cells [m], finest first. Each scan takes the first that most of its points
+    fill, a pair the larger of its two."""
+
+    offsets: tuple[float, ...] = (0.0, 0.5)
+    """Where the grids lie along each axis, as shares of the width; the cells of all of them are
+    taken. What one grid cuts badly the next one does not: it halves the error of one."""
+
+    shape: ScoreShape = field(
+        default_factory=lambda: ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0)
+    )
+    """The score of a pair; cut off early, since far pairs cost time and say nothing here."""
+
+    weight_power: float = 0.25
+    """Gaussians weigh as their counts to this power."""
+
+    grid: VoxelGrid = field(default_factory=VoxelGrid)
+    """What becomes of the points of a cell."""
+
+    solver: Solver = field(default_factory=Newton)
+    """Minimises the score."""
+
+    def __post_init__(self) -> None:
+        require_widths(self.widths[::-1])
+        require_at_least("offsets", len(self.offsets), 1)
+        require_positive("weight_power", self.weight_power)
+
+    def prepare(self, cloud: PointCloud) -> FineScan:
+        """Return the cells of a cloud at the width that its density allows."""
+        points = measured_points(cloud)
+        width, gaussians = self.widths[0], self._cells(points, self.widths[0])
+        for coarser in self.widths[1:]:
+            share = gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
+            if share >= LEAST_SHARE and len(gaussians) >= LEAST_PARTS:
+                break
+            width, gaussians = coarser, self._cells(points, coarser)
+        return FineScan(points, width, gaussians)
+
+    def align(
+        self, target: FineScan, source: FineScan, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, from a start close by."""
+        width = max(target.width, source.width)
+        objective = GaussiansToGaussians(
+            target=self._at_width(target, width),
+            source=self._at_width(source, width),
+            shape=self.shape,
+            weight_power=self.weight_power,
+            curvature=self.solver.curvature,
+        )
+        return self.solver.minimise(restraint.on(objective), start)
+
+    def _at_width(self, scan: FineScan, width: float) -> Gaussians:
+        return scan.gaussians if scan.width == width else self._cells(scan.points, width)
+
+    def _cells(self, points: Points, width: float) -> Gaussians:
+        grids = [replace(self.grid, offset=offset) for offset in self.offsets]
+        return Gaussians.joined([grid.gaussians(points, width).gaussians for grid in grids])
