@@ -68,4 +68,23 @@ def judged(target: AutoScan, source: AutoScan, descent: Descent) -> Candidate:
     both = target.parts[-1], source.parts[-1]
     overlap = gaussian_overlap(*both, pose, _WEIGHT_POWER)
     score = score_correlation(*both, pose, _WEIGHT_POWER)
-    return Candidate(pose, descent.maker, overlap, score, math.nan)
+    return Candidate(pose, descent.maker, overlap, score, violation(target, source, pose))
+
+
+def violation(target: AutoScan, source: AutoScan, pose: Pose) -> float:
+    """Return the mean over both scans of the share that lies where the other looked through.
+
+    NaN where that cannot be told.
+    """
+    shares = [
+        seer.ranges.looked_through(
+            seen.parts[-1].means, seer_from_seen, seen.parts[-1].weights(0.0)
+        )
+        for seer, seen, seer_from_seen in (
+            (target, source, pose),
+            (source, target, pose.inverse()),
+        )
+        if seer.ranges is not None
+    ]
+    known = [share for share in shares if not math.isnan(share)]
+    return sum(known) / len(known) if known else math.nan

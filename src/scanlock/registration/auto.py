@@ -5,10 +5,11 @@ from dataclasses import dataclass, field, replace
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least
 from scanlock.geometry.pose import Pose
+from scanlock.models.range_image import RangeImager
 from scanlock.objectives.restraint import FREE, Restraint
-from scanlock.registration.agreement import judged
+from scanlock.registration.agreement import judged, violation
 from scanlock.registration.auto_scan import AutoScan
-from scanlock.registration.candidate import Candidate
+from scanlock.registration.candidate import Candidate, plausibility
 from scanlock.registration.descents import Descent, Descents
 from scanlock.registration.fine_stage import FineStage
 from scanlock.registration.heading_search import HeadingSearch
@@ -50,6 +51,9 @@ class Auto:
     descents: Descents = field(default_factory=Descents)
     """Descends from the hypotheses."""
 
+    imager: RangeImager | None = field(default_factory=RangeImager)
+    """Says which poses put things where the other scan looked through; None leaves it out."""
+
     fine: FineStage | None = field(default_factory=FineStage)
     """Ends what the descents have left; None leaves it out."""
 
@@ -73,6 +77,8 @@ class Auto:
         parts = dict(zip(radii, found.gaussians, strict=True))
         with clock.stage("view"):
             view = None if self.search is None else self.search.view(cloud, ground)
+        with clock.stage("ranges"):
+            ranges = None if self.imager is None else self.imager.image(cloud)
         with clock.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
         return AutoScan(
@@ -80,6 +86,7 @@ class Auto:
             replace(found, gaussians=tuple(parts[radius] for radius in basin)),
             tuple(parts[radius] for radius in near),
             view,
+            ranges,
             fine,
             {**clock.seconds, **found.timings},
         )
@@ -130,7 +137,13 @@ class Auto:
             replace(one, pose=restraint.held(one.pose, start))
             for one in self._hypotheses(target, source, restraint)
         ]
-        ended, history = self.descents.follow(target.parts, source.parts, hypotheses, restraint)
+        ended, history = self.descents.follow(
+            target.parts,
+            source.parts,
+            hypotheses,
+            restraint,
+            lambda pose: plausibility(violation(target, source, pose)),
+        )
         if initial is not None or not ended:
             solution = self.basin.align(target.landmarks, source.landmarks, start, restraint)
             ended.append(Descent(_INITIAL, solution))

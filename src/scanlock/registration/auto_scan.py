@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.plan_view import PlanView
+from scanlock.models.range_image import RangeImage
 from scanlock.registration.fine_stage import FineScan
 from scanlock.registration.landmarks import LEAST_PARTS, Landmarks
 
@@ -24,6 +25,8 @@ class AutoScan:
         Its clusters at each scale of the descents from hypotheses.
     view : PlanView or None
         What the search sees of it.
+    ranges : RangeImage or None
+        How far it saw; None where the origin of its frame is no sensor.
     fine : FineScan or None
         Its small cells.
     timings : mapping of str to float [s]
@@ -34,6 +37,7 @@ class AutoScan:
     landmarks: Landmarks
     parts: tuple[Gaussians, ...]
     view: PlanView | None
+    ranges: RangeImage | None
     fine: FineScan | None
     timings: Mapping[str, float]
 

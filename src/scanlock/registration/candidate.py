@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 
 from scanlock.geometry.pose import Pose
 
+_HALVING = 0.05
+"""A violation that halves what speaks for a pose."""
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -21,7 +24,7 @@ class Candidate:
     score : float
         Correlation of the two scans' Gaussians, in [0, 1]; NaN without parts.
     violation : float
-        Share of the points of either scan that lie where the other looked through, in [0, 1];
+        Share of the parts of either scan that lie where the other one looked through, in [0, 1];
         NaN where that cannot be told.
     """
 
@@ -33,10 +36,20 @@ class Candidate:
 
     @property
     def agreement(self) -> float:
-        """Overlap times score, less what violates free space, in [0, 1]; 0 without parts."""
-        known = 0.0 if math.isnan(self.violation) else self.violation
-        return 0.0 if math.isnan(self.score) else self.overlap * self.score * (1.0 - known)
+        """Overlap times score times plausibility, in [0, 1]; 0 without parts."""
+        if math.isnan(self.score):
+            return 0.0
+        return self.overlap * self.score * plausibility(self.violation)
 
     def at(self, pose: Pose) -> "Candidate":
         """Return the candidate with its pose given between other frames."""
         return replace(self, target_from_source=pose)
+
+
+def plausibility(violation: float) -> float:
+    """Return a factor to what speaks for a pose: 1 without violation, a half at 0.05.
+
+    Right poses of 240 pairs of scans violated up to 0.03, half of the wrong ones over 0.13:
+    cars that moved are few, and walls in the open many.
+    """
+    return 1.0 if math.isnan(violation) else _HALVING / (_HALVING + violation)

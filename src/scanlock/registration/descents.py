@@ -1,7 +1,7 @@
 """Descents from many hypotheses, of which few are followed to the end."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
@@ -53,10 +53,10 @@ class Descents:
     loose_step: float = 0.01
     """A blurred scale stops at steps below this share of its blur."""
 
-    least_share: float = 0.6
+    least_share: float = 0.4
     """A descent whose score at a scale is below this share of the best one's is given up."""
 
-    most: int = 3
+    most: int = 4
     """How many go on after each scale, at most."""
 
     apart: tuple[float, float] = (0.5, 0.05)
@@ -77,6 +77,7 @@ class Descents:
         source: Sequence[Gaussians],
         hypotheses: Iterable[Hypothesis],
         restraint: Restraint,
+        plausibility: Callable[[Pose], float],
     ) -> tuple[list[Descent], tuple[Iteration, ...]]:
         """Return the descents that went to the end, best first, and the history of all.
 
@@ -84,6 +85,11 @@ class Descents:
         ----------
         target, source : sequence of Gaussians
             One set for each scale.
+        hypotheses : iterable of Hypothesis
+            Where the descents begin.
+        restraint : Restraint
+        plausibility : callable
+            What else speaks for a pose, from 1 down to 0: its factor to the score.
         """
         history: list[Iteration] = []
         running = [(one.maker, one.pose) for one in hypotheses]
@@ -100,29 +106,28 @@ class Descents:
             solver = loosened(self.solver, self.loose_step * scale.blur)
             ended = [Descent(maker, solver.minimise(objective, pose)) for maker, pose in running]
             history += [step for one in ended for step in one.solution.history]
-            ended = self._best_of(ended)
+            ended = self._best_of(ended, plausibility)
             running = [(one.maker, one.solution.pose) for one in ended]
         return ended, tuple(history)
 
-    def _best_of(self, ended: list[Descent]) -> list[Descent]:
+    def _best_of(
+        self, ended: list[Descent], plausibility: Callable[[Pose], float]
+    ) -> list[Descent]:
         """Return the distinct ones that are good enough to go on, best first."""
-        met = [one for one in ended if one.solution.reason is not StopReason.NO_SUPPORT]
+        scored = [
+            (-one.solution.quadratic.value * plausibility(one.solution.pose), one)
+            for one in ended
+            if one.solution.reason is not StopReason.NO_SUPPORT
+        ]
+        scored.sort(key=lambda pair: pair[0], reverse=True)
         kept: list[Descent] = []
-        for one in sorted(met, key=lambda one: one.solution.quadratic.value):
-            value = one.solution.quadratic.value
-            if kept and value > self.least_share * kept[0].solution.quadratic.value:
+        for score, one in scored:
+            if kept and (score < self.least_share * scored[0][0] or len(kept) == self.most):
                 break
             if all(self._are_apart(one.solution.pose, other.solution.pose) for other in kept):
                 kept.append(one)
-            if len(kept) == self.most:
-                break
         return kept
 
     def _are_apart(self, one: Pose, other: Pose) -> bool:
         metres, radians = one.distance(other)
         return metres > self.apart[0] or radians > self.apart[1]
-
-
-def with_history(solution: Solution, history: tuple[Iteration, ...]) -> Solution:
-    """Return a solution that tells of what came before it."""
-    return replace(solution, history=(*history, *solution.history))

@@ -1,0 +1,84 @@
+"""How far a scan saw in every direction, and what that says about places it looked through."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.arrays import Points, Vector, frozen, read_only
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import require_at_least, require_count, require_fraction
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.range_image import looked_through, nearest_around, nearest_ranges
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RangeImage:
+    """The ranges at which a scan saw something, by direction from the origin of its frame.
+
+    Attributes
+    ----------
+    nearest : (6, s, s) [m]
+        Range of the nearest point in and around each bin of the faces of a cube; infinite where
+        the bin itself has none, and nothing is known.
+    margin : float [m]
+    share : float
+        A place is looked through when it is nearer than the nearest point by more than the
+        margin and this share of the range.
+    """
+
+    nearest: NDArray[np.float64]
+    margin: float
+    share: float
+
+    def __post_init__(self) -> None:
+        frozen(self.nearest)
+
+    def looked_through(self, points: Points, image_from_points: Pose, weights: Vector) -> float:
+        """Return the share, by weight, of (n, 3) points [m] that lie where the scan looked through.
+
+        Of the points in directions where it saw anything; NaN without any.
+        """
+        known, before = looked_through(
+            self.nearest,
+            points,
+            weights,
+            image_from_points.rotation,
+            image_from_points.translation,
+            self.margin,
+            self.share,
+        )
+        return before / known if known > 0.0 else math.nan
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RangeImager:
+    """Settings of the image; the defaults part right poses from wrong ones best on real scans."""
+
+    side: int = 90
+    """Bins along a side of each of the six faces: one for each degree."""
+
+    reach: int = 1
+    """A bin counts with its neighbours this far: an edge that moved by a bin frees no space."""
+
+    margin: float = 0.5
+    """How much nearer than the nearest point a place must be to have been looked through [m]."""
+
+    share: float = 0.02
+    """And by what share of the range: bins are wide far away."""
+
+    def __post_init__(self) -> None:
+        require_count("side", self.side, 1)
+        require_count("reach", self.reach, 0)
+        require_at_least("margin", self.margin, 0.0, unit="m")
+        require_fraction("share", self.share)
+
+    def image(self, cloud: PointCloud) -> RangeImage | None:
+        """Return the image of a cloud about its sensor; None where its origin is no sensor."""
+        if cloud.origin.any():
+            return None
+        ranges = nearest_ranges(cloud.points, self.side)
+        return RangeImage(
+            read_only(nearest_around(read_only(ranges), self.reach)), self.margin, self.share
+        )
