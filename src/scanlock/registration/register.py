@@ -17,8 +17,7 @@ from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
 from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
-from scanlock.registration.verdict import judge, weakest_direction
-from scanlock.solvers.solution import Solution
+from scanlock.registration.verdict import judge, second_best, weakest_direction
 
 
 def register(
@@ -94,17 +93,20 @@ def register(
         restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
         kept, begins = (sides[0].kept, sides[1].kept), local_pose(start, *clouds)
         if isinstance(chosen, Search):
-            found = chosen.find(*kept, None if initial is None else begins, restraint)
+            # Coordinates of a map say where the scans lie, as an initial pose does.
+            is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
+            found = chosen.find(*kept, begins if is_placed else None, restraint)
         else:
             found = Found(chosen.align(*kept, begins, restraint), ())
         solution = found.solution
     with clock.stage("verdict"):
-        overlap, score, status, reason = _verdict(solution, evidence[0], evidence[1])
+        overlap, score, status, reason = _verdict(found, evidence[0], evidence[1])
     clock.seconds["total"] = time.perf_counter() - begin
     return Registration(
         caller_pose(solution.pose, *clouds), status, reason, name, overlap, score,
         solution.history, clock.seconds, (*notes, *solution.notes),
         tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
+        second_best(found.candidates),
     )  # fmt: skip
 
 
@@ -149,11 +151,11 @@ def _local_prior(
     return PosePrior(local_pose(prior.pose, target, source), prior.covariance)
 
 
-def _verdict(
-    solution: Solution, target: Evidence, source: Evidence
-) -> tuple[float, float, Status, str]:
+def _verdict(found: Found, target: Evidence, source: Evidence) -> tuple[float, float, Status, str]:
+    pose = found.solution.pose
     both = target.gaussians, source.gaussians
-    overlap = gaussian_overlap(*both, solution.pose)
-    score = score_correlation(*both, solution.pose)
-    status, reason = judge(solution, overlap, score, *weakest_direction(both[0]))
+    overlap = gaussian_overlap(*both, pose)
+    score = score_correlation(*both, pose)
+    weakest = weakest_direction(both[0])
+    status, reason = judge(found.solution, overlap, score, *weakest, found.candidates)
     return overlap, score, status, reason

@@ -25,6 +25,9 @@ class Status(enum.Enum):
     DEGENERATE = "degenerate"
     """The scans look alike when shifted along some direction; the pose may be wrong along it."""
 
+    AMBIGUOUS = "ambiguous"
+    """Another pose, not near the one chosen, agrees nearly as well."""
+
     NOT_CONVERGED = "not_converged"
     """The iteration limit came first; the pose is the best seen."""
 
@@ -64,6 +67,9 @@ class Registration:
     candidates : tuple of Candidate
         The finished poses that a method which searches had to choose from, the chosen one first;
         empty for other methods.
+    second_best : float
+        Agreement of the best of them that lies elsewhere as a share of the chosen one's: 0 where
+        none was left at the end, near 1 for a toss-up; NaN for methods that do not search.
     """
 
     target_from_source: Pose
@@ -76,6 +82,7 @@ class Registration:
     timings: Mapping[str, float]
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    second_best: float = math.nan
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -89,17 +96,6 @@ class Registration:
     def iterations(self) -> int:
         """Evaluations of the objective over all scales."""
         return len(self.history)
-
-    @property
-    def second_best(self) -> float:
-        """Agreement of the best rival as a share of the chosen pose's, at least 0.
-
-        0 where no other candidate was left at the end; NaN for methods that do not search.
-        """
-        if not self.candidates or self.candidates[0].agreement <= 0.0:
-            return math.nan
-        rivals = [one.agreement for one in self.candidates[1:]]
-        return max(rivals, default=0.0) / self.candidates[0].agreement
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, ready for JSON; NaN becomes None."""
@@ -152,6 +148,7 @@ class Registration:
             dict(self.timings),
             self.notes,
             self.candidates,
+            self.second_best,
         )
 
 
