@@ -46,6 +46,21 @@ def kitti_drive(data: Path, apart: int) -> Iterator[RealPair]:
             )
 
 
+def kitti_drive_far(data: Path, apart: int, step: int = 2) -> Iterator[RealPair]:
+    """Pairs farther apart than the consensus goes, from the chain of its poses."""
+    folder = data / "kitti_drive_0005"
+    rows = np.loadtxt(folder / "consensus_chain.txt")
+    poses = [Pose.from_matrix(row.reshape(3, 4)) for row in rows]
+    for i in range(0, len(poses) - apart, step):
+        yield RealPair(
+            group=f"kitti_drive_0005, {apart} apart",
+            name=f"{i}-{i + apart}",
+            load_target=partial(floats, _drive_file(folder, i), 4),
+            load_source=partial(floats, _drive_file(folder, i + apart), 4),
+            truth=poses[i].inverse() @ poses[i + apart],
+        )
+
+
 def kitti_00(data: Path, apart: int = 5) -> Iterator[RealPair]:
     folder = data / "kitti_00"
     rows = np.loadtxt(folder / "poses_velo_kissicp_ref.txt")
