@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.kernels.flooring import floored_covariances
 from scanlock.kernels.moments import labelled_moments
 
 _PACKED_ROWS = (0, 0, 0, 1, 1, 2)
@@ -139,13 +140,10 @@ class Gaussians:
         """
         require_positive("deviation", deviation, unit="m")
         require_at_least("ratio", ratio, 0.0)
-        variances, axes = np.linalg.eigh(self.covariances)
-        least = np.maximum(deviation**2, ratio * variances[:, -1:])
-        raised = np.maximum(variances, least)
-        covariances = np.einsum("kia,ka,kja->kij", axes, raised, axes)
-        # The product is symmetric only to rounding.
-        covariances = 0.5 * (covariances + covariances.transpose(0, 2, 1))
-        return self._reshaped(covariances, raised)
+        covariances, variances = floored_covariances(
+            read_only(self.covariances), float(deviation) ** 2, float(ratio)
+        )
+        return self._reshaped(covariances, variances)
 
     def scaled(self, factor: float) -> "Gaussians":
         """Return the same Gaussians with every standard deviation `factor` times as large."""

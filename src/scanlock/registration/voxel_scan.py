@@ -92,4 +92,5 @@ def measured_points(cloud: PointCloud) -> Points:
     """
     if cloud.origin.any():
         return cloud.points
-    return cloud.points[np.einsum("ni,ni->n", cloud.points, cloud.points) > 0.0]
+    is_measured = np.einsum("ni,ni->n", cloud.points, cloud.points) > 0.0
+    return cloud.points if is_measured.all() else cloud.points[is_measured]
