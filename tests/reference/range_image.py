@@ -38,16 +38,18 @@ def nearest_around(ranges, reach):
     return around
 
 
-def looked_through(ranges, points, weights, pose, margin, share):
-    """Weight of the points in bins with a range, and of those nearer than it allows."""
-    known = before = 0.0
+def looked_through(ranges, points, weights, pose, margin, share, hidden_margin, hidden_share):
+    """Points that could be seen, their weight, and the weight of those nearer than allowed."""
+    count, known, before = 0, 0.0, 0.0
     for point, weight in zip(points, weights, strict=True):
         moved = pose.rotation @ point + pose.translation
         seen = ranges[bin_of(moved, ranges.shape[1])] if moved.any() else math.inf
-        if math.isfinite(seen):
+        distance = np.linalg.norm(moved)
+        if math.isfinite(seen) and distance <= seen + hidden_margin + hidden_share * seen:
+            count += 1
             known += weight
-            before += weight * (np.linalg.norm(moved) < seen - margin - share * seen)
-    return known, before
+            before += weight * (distance < seen - margin - share * seen)
+    return count, known, before
 
 
 def every_bin(side):

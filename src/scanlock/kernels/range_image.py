@@ -76,12 +76,17 @@ def looked_through(
     translation: Vector,
     margin: float,
     share: float,
-) -> tuple[float, float]:
-    """Return the weight of the points in bins that know a range, and of those well before it.
+    hidden_margin: float,
+    hidden_share: float,
+) -> tuple[int, float, float]:
+    """Return how many points could be seen, their weight, and the weight of those well before.
 
-    A point at range r is well before a range R where ``r < R - margin - share * R``.
+    In a bin that knows a range R, a point at range r could be seen unless it is well behind,
+    ``r > R + hidden_margin + hidden_share * R``; it is well before where
+    ``r < R - margin - share * R``.
     """
     side = ranges.shape[1]
+    count = 0
     known = 0.0
     before = 0.0
     for p in range(points.shape[0]):
@@ -96,7 +101,11 @@ def looked_through(
         seen = ranges[face, row, column]
         if math.isinf(seen):
             continue
+        distance = math.sqrt(squared)
+        if distance > seen + hidden_margin + hidden_share * seen:
+            continue
+        count += 1
         known += weights[p]
-        if math.sqrt(squared) < seen - margin - share * seen:
+        if distance < seen - margin - share * seen:
             before += weights[p]
-    return known, before
+    return count, known, before

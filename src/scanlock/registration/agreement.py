@@ -9,7 +9,7 @@ from scanlock.kernels.meeting import meeting_gaussians
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.auto_scan import AutoScan
-from scanlock.registration.candidate import Candidate
+from scanlock.registration.candidate import UNKNOWN_VIOLATION, Candidate
 from scanlock.registration.descents import Descent
 
 _MEETING_SQUARED = 9.0
@@ -74,7 +74,7 @@ def judged(target: AutoScan, source: AutoScan, descent: Descent) -> Candidate:
 def violation(target: AutoScan, source: AutoScan, pose: Pose) -> float:
     """Return the mean over both scans of the share that lies where the other looked through.
 
-    NaN where that cannot be told.
+    NaN where neither image can tell anything at all, for want of a sensor at its origin.
     """
     shares = [
         seer.ranges.looked_through(
@@ -86,5 +86,8 @@ def violation(target: AutoScan, source: AutoScan, pose: Pose) -> float:
         )
         if seer.ranges is not None
     ]
+    if not shares:
+        return math.nan
     known = [share for share in shares if not math.isnan(share)]
-    return sum(known) / len(known) if known else math.nan
+    # Nothing to see where there should be something is no recommendation either.
+    return sum(known) / len(known) if known else UNKNOWN_VIOLATION

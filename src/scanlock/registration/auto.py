@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import require_at_least
+from scanlock.errors import require_at_least, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.models.range_image import RangeImager
 from scanlock.objectives.restraint import FREE, Restraint
@@ -20,6 +20,9 @@ from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.stopping import StopReason
 
 _INITIAL = "initial pose"
+
+_PARTS = 300
+"""Parts of a scan that a prior is weighed against; about those of a city street."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,8 +64,12 @@ class Auto:
     """An initial pose is left for another only if the agreement there is this many times as
     good: who gives one usually knows."""
 
+    doubt: float = 0.08
+    """With an agreement below this at the end, what else can be tried is tried."""
+
     def __post_init__(self) -> None:
         require_at_least("loyalty", self.loyalty, 1.0)
+        require_fraction("doubt", self.doubt)
 
     def prepare(self, cloud: PointCloud) -> AutoScan:
         """Return what the method keeps of a scan."""
@@ -113,41 +120,79 @@ class Auto:
             One hypothesis more, and where locked directions are held; the identity by default.
         restraint : Restraint
         """
-        start = initial or Pose.identity()
-        ended, history = self._descents(target, source, initial, restraint)
-        ended = [self._refined(target, source, one, restraint) for one in ended]
-        if initial is not None or not ended:
-            # A start close by must not be lost on the way through coarser scales.
-            ended += self._straight_from(target, source, start, restraint)
-        rivals = [(judged(target, source, one), one.solution) for one in _supported(ended)]
-        rivals.sort(key=lambda rival: self._standing(rival[0], restraint), reverse=True)
-        history += tuple(step for one in ended for step in one.solution.history)
+        history: tuple[Iteration, ...] = ()
+        rivals: list[tuple[Candidate, Solution]] = []
+        for ends in (self._first_ends, self._further_ends):
+            ended, steps = ends(target, source, initial, restraint)
+            history += steps + tuple(step for one in ended for step in one.solution.history)
+            rivals += [(judged(target, source, one), one.solution) for one in ended]
+            rivals.sort(key=lambda rival: self._standing(*rival, restraint), reverse=True)
+            if rivals and rivals[0][0].agreement >= self.doubt:
+                break
         return Found(
             replace(rivals[0][1], history=history), tuple(candidate for candidate, _ in rivals)
         )
 
-    def _descents(
+    def _first_ends(
         self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
     ) -> tuple[list[Descent], tuple[Iteration, ...]]:
-        """Return where hypotheses and initial pose lead; none where scans lack clusters."""
+        """Return where the search and an initial pose lead."""
+        ended, history = self._descended(
+            target, source, self._hypotheses(target, source, restraint), initial, restraint
+        )
+        if initial is not None:
+            ended += self._ends_of(target, source, initial, _INITIAL, restraint)
+        return ended, history
+
+    def _further_ends(
+        self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return where everything else leads, for scans that the first ends leave in doubt."""
+        if initial is not None:
+            return [], ()
+        return self._ends_of(target, source, Pose.identity(), "identity", restraint), ()
+
+    def _descended(
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        hypotheses: list[Hypothesis],
+        initial: Pose | None,
+        restraint: Restraint,
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return where hypotheses lead through the descents and the fine stage."""
         if not (target.has_parts and source.has_parts):
             return [], ()
         start = initial or Pose.identity()
-        hypotheses = [
-            replace(one, pose=restraint.held(one.pose, start))
-            for one in self._hypotheses(target, source, restraint)
-        ]
         ended, history = self.descents.follow(
             target.parts,
             source.parts,
-            hypotheses,
+            [replace(one, pose=restraint.held(one.pose, start)) for one in hypotheses],
             restraint,
             lambda pose: plausibility(violation(target, source, pose)),
         )
-        if initial is not None or not ended:
+        return [self._refined(target, source, one, restraint) for one in ended], history
+
+    def _ends_of(
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        start: Pose,
+        maker: str,
+        restraint: Restraint,
+    ) -> list[Descent]:
+        """Return where a start leads: through its basin, and straight into the fine stage.
+
+        A start close by must not be lost on the way through coarser scales.
+        """
+        ended: list[Descent] = []
+        if target.has_parts and source.has_parts:
             solution = self.basin.align(target.landmarks, source.landmarks, start, restraint)
-            ended.append(Descent(_INITIAL, solution))
-        return ended, history
+            ended.append(self._refined(target, source, Descent(maker, solution), restraint))
+        if self.fine is not None and target.fine is not None and source.fine is not None:
+            solution = self.fine.align(target.fine, source.fine, start, restraint)
+            ended.append(Descent(maker, solution))
+        return ended
 
     def _hypotheses(
         self, target: AutoScan, source: AutoScan, restraint: Restraint
@@ -172,24 +217,15 @@ class Auto:
             else replace(descent, solution=solution)
         )
 
-    def _straight_from(
-        self, target: AutoScan, source: AutoScan, start: Pose, restraint: Restraint
-    ) -> list[Descent]:
-        if self.fine is None or target.fine is None or source.fine is None:
-            return []
-        return [Descent(_INITIAL, self.fine.align(target.fine, source.fine, start, restraint))]
-
-    def _standing(self, candidate: Candidate, restraint: Restraint) -> float:
+    def _standing(
+        self, candidate: Candidate, solution: Solution, restraint: Restraint
+    ) -> tuple[bool, float]:
         """Return how good a candidate is; the best is chosen."""
         standing = candidate.agreement
         if candidate.maker == _INITIAL:
             standing *= self.loyalty
         if restraint.prior is not None:
-            standing -= restraint.prior.linearise(candidate.target_from_source).value / 100
-        return standing
-
-
-def _supported(ended: list[Descent]) -> list[Descent]:
-    """Return the descents that ended where anything meets; all of them if there is none."""
-    met = [one for one in ended if one.solution.reason is not StopReason.NO_SUPPORT]
-    return met or ended
+            # As in the objectives, the prior is one observation beside those of the parts.
+            belief = restraint.prior.linearise(candidate.target_from_source).value
+            standing -= belief / _PARTS
+        return solution.reason is not StopReason.NO_SUPPORT, standing

@@ -16,7 +16,7 @@ class Hypothesis:
     weight : float
         How strongly its maker believes in it; comparable within one maker only.
     maker : str
-        What proposed it: "initial pose", "heading search", "cluster matching".
+        What proposed it: "heading search", "cluster matching" or "prior".
     """
 
     pose: Pose

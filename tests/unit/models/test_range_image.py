@@ -67,10 +67,13 @@ def test_looked_through_is_that_of_the_definition():
         pose.translation,
         0.4,
         0.05,
+        1.0,
+        0.1,
     )
-    expected = reference.looked_through(ranges, points, weights, pose, 0.4, 0.05)
+    expected = reference.looked_through(ranges, points, weights, pose, 0.4, 0.05, 1.0, 0.1)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert 0.1 < expected[1] / expected[0] < 0.9
+    assert 100 < expected[0] < 400
+    assert 0.1 < expected[2] / expected[1] < 0.9
 
 
 def test_every_bin_has_a_place_of_its_own():
@@ -84,10 +87,10 @@ def test_a_scan_violates_nothing_of_itself():
 
 
 @pytest.mark.parametrize(
-    ("distance", "share"), [(14.0, 0.0), (10.0, 0.0), (9.5, 0.0), (9.0, 1.0), (6.0, 1.0)]
+    ("distance", "share"), [(12.0, 0.0), (10.0, 0.0), (9.75, 0.0), (9.6, 1.0), (6.0, 1.0)]
 )
 def test_only_what_stands_clearly_before_a_wall_violates(distance, share):
-    # A small plate, whose directions all meet the wall: half a metre and 2 % are forgiven.
+    # A small plate, whose directions all meet the wall: 0.2 m and 1 % are forgiven.
     assert _share(_image(_wall(10.0)), _wall(distance, half=0.5)) == share
 
 
@@ -100,9 +103,24 @@ def test_what_is_where_nothing_was_seen_is_not_judged():
     assert _share(image, np.vstack([before, behind])) == 1.0
 
 
-def test_weights_say_what_a_point_counts():
+def test_what_is_hidden_says_nothing():
     image = _image(_wall(10.0))
-    points = read_only(np.array([[5.0, 0.0, 0.0], [12.0, 0.0, 0.0]]))
+    hidden = _wall(13.0, half=0.5)
+    assert math.isnan(_share(image, hidden))
+    # It waters nothing down.
+    assert _share(image, np.vstack([_wall(6.0, half=0.5), hidden])) == 1.0
+
+
+def test_a_few_points_say_nothing():
+    image = _image(_wall(10.0))
+    before = _wall(6.0, half=0.5)
+    assert math.isnan(_share(image, before[:5]))
+    assert _share(image, before[:6]) == 1.0
+
+
+def test_weights_say_what_a_point_counts():
+    image = _image(_wall(10.0), least_count=2)
+    points = read_only(np.array([[5.0, 0.0, 0.0], [11.0, 0.0, 0.0]]))
     weights = read_only(np.array([1.0, 3.0]))
     assert image.looked_through(points, Pose.identity(), weights) == 0.25
 
@@ -119,7 +137,13 @@ def test_a_cloud_far_from_its_origin_has_no_image():
     assert _image(_wall(10.0) + np.array([5e5, 4e6, 0.0])) is None
 
 
-@pytest.mark.parametrize("setting", [{"side": 0}, {"reach": -1}, {"margin": -0.1}, {"share": 1.5}])
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"side": 0}, {"reach": -1}, {"margin": -0.1}, {"share": 1.5}, {"hidden_margin": -1.0},
+        {"hidden_share": -0.1}, {"least_count": 0},
+    ],
+)  # fmt: skip
 def test_settings_out_of_range_are_refused(setting):
     with pytest.raises(InvalidInput):
         RangeImager(**setting)
