@@ -9,17 +9,26 @@ counts within 2 m and 5 degrees, the measure of published results on loop closur
 
 import argparse
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from peers import searchers
-from scanlock.simulation import SCENES, scan_pair
+from scanlock.simulation import SCENES, SimulatedPair, scan_pair
 from tables import machine, print_table
 from trials import HEADER, Trial, print_overview, row, tried
 
 BASELINES = ((0.0, 10.0), (10.0, 20.0), (20.0, 30.0))
 SENSORS = ("hdl_64e", "os1_64", "hdl_32e")
+
+
+def far_pair(kind: str, seed: int) -> Iterator[tuple[tuple[float, float], SimulatedPair]]:
+    """Yield a pair of each distance class in one scene."""
+    scene = SCENES[kind](np.random.default_rng(seed))
+    for baseline in BASELINES:
+        sensor = SENSORS[seed % 3]
+        yield baseline, scan_pair(scene, sensor, seed, baseline=baseline, turn=math.pi)
 
 
 def main() -> None:
@@ -33,9 +42,7 @@ def main() -> None:
     contenders = searchers(peers=not arguments.no_peers)
     for kind in ("street", "forest"):
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.pairs):
-            scene = SCENES[kind](np.random.default_rng(seed))
-            for baseline in BASELINES:
-                pair = scan_pair(scene, SENSORS[seed % 3], seed, baseline=baseline, turn=math.pi)
+            for baseline, pair in far_pair(kind, seed):
                 group = f"{kind}, {baseline[0]:g}-{baseline[1]:g} m"
                 for one in contenders:
                     trial = tried(

@@ -60,6 +60,9 @@ class HeadingSearch:
     """Power of a frequency's magnitude that is divided out of the correlation: 0 leaves it, 1
     keeps the phase alone. Slopes and thickets are large and alike; posts and corners are not."""
 
+    fits_ground: bool = True
+    """Whether height, roll and pitch follow the ground that both scans saw."""
+
     most: int = 8
     """How many hypotheses, at most."""
 
@@ -98,7 +101,8 @@ class HeadingSearch:
             shift = cell * np.array([_signed(i), _signed(j), 0.0])
             level = Pose(exp_rotation(np.array([0.0, 0.0, turns[heading]])), shift)
             pose = target.level_from_scan.inverse() @ level @ source.level_from_scan
-            pose = ground_fitted(target, source, pose)
+            if self.fits_ground:
+                pose = ground_fitted(target, source, pose)
             found.append(Hypothesis(pose, height / best, "heading search"))
             _clear_around(agreement, int(heading), int(i), int(j))
         return found
