@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import real_scans
+from one_core import hold_to_one_core
 from peers import searchers
 from real_scans import RealPair
 from scanlock.geometry.pose import Pose
@@ -96,6 +97,7 @@ def main() -> None:
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--each", action="store_true", help="print what is not solved and claimed")
     arguments = parser.parse_args()
+    hold_to_one_core()
     if arguments.data is None:
         parser.error("give --data FOLDER or set SCANLOCK_DATA")
     groups: dict[str, list[RealPair]] = {}

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from one_core import hold_to_one_core
 from peers import searchers
 from scanlock.simulation import SCENES, SimulatedPair, scan_pair
 from tables import machine, print_table
@@ -38,8 +39,12 @@ def main() -> None:
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--each", action="store_true", help="print what is not solved and claimed")
     arguments = parser.parse_args()
+    hold_to_one_core()
     found: dict[str, dict[str, list[Trial]]] = {}
     contenders = searchers(peers=not arguments.no_peers)
+    first = scan_pair("street", SENSORS[0], arguments.first_seed)
+    for one in contenders:
+        one.register(first.source.points, first.target.points)
     for kind in ("street", "forest"):
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.pairs):
             for baseline, pair in far_pair(kind, seed):

@@ -71,7 +71,9 @@ def open3d_searcher(kind: str) -> Searcher:
     voxel = _FEATURE_VOXEL
 
     def thinned(points: Cloud) -> tuple[Any, Any]:
-        cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+        # Open3D refuses read-only arrays.
+        own = open3d.utility.Vector3dVector(np.array(points))
+        cloud = open3d.geometry.PointCloud(own)
         cloud = cloud.voxel_down_sample(voxel)
         cloud.estimate_normals(open3d.geometry.KDTreeSearchParamHybrid(2.0 * voxel, 30))
         around = open3d.geometry.KDTreeSearchParamHybrid(5.0 * voxel, 100)

@@ -124,10 +124,11 @@ class Descents:
         for score, one in scored:
             if kept and (score < self.least_share * scored[0][0] or len(kept) == self.most):
                 break
-            if all(self._are_apart(one.solution.pose, other.solution.pose) for other in kept):
+            if all(self.are_apart(one.solution.pose, other.solution.pose) for other in kept):
                 kept.append(one)
         return kept
 
-    def _are_apart(self, one: Pose, other: Pose) -> bool:
+    def are_apart(self, one: Pose, other: Pose) -> bool:
+        """Return whether two poses are two."""
         metres, radians = one.distance(other)
         return metres > self.apart[0] or radians > self.apart[1]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from scanlock.arrays import Vector
-from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.candidate import Candidate
 from scanlock.registration.result import Status
@@ -41,31 +40,16 @@ _MOST_RIVALRY = 0.45
 """A rival that agrees this share as well as the pose chosen makes it a toss-up. The right poses
 above had rivals of up to 0.33."""
 
-_APART_METRES, _APART_RADIANS = 0.5, 0.05
-"""Poses closer than this are one, found twice."""
-
 
 def second_best(candidates: Sequence[Candidate]) -> float:
     """Return the agreement of the best rival of the first candidate as a share of its own.
 
-    0 where there is no rival, or only such as end beside it; NaN where nothing was judged.
+    0 where there is no rival; NaN where nothing was judged.
     """
     if not candidates or candidates[0].agreement <= 0.0:
         return math.nan
-    rival = _best_rival(candidates)
-    return 0.0 if rival is None else rival.agreement / candidates[0].agreement
-
-
-def _best_rival(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the candidate that agrees best of those that lie elsewhere than the first."""
-    chosen = candidates[0].target_from_source
-    apart = [one for one in candidates[1:] if _are_apart(one.target_from_source, chosen)]
-    return max(apart, key=lambda one: one.agreement, default=None)
-
-
-def _are_apart(one: Pose, other: Pose) -> bool:
-    metres, radians = one.distance(other)
-    return metres > _APART_METRES or radians > _APART_RADIANS
+    rivals = [one.agreement for one in candidates[1:]]
+    return max(rivals, default=0.0) / candidates[0].agreement
 
 
 def weakest_direction(gaussians: Gaussians) -> tuple[float, Vector]:
