@@ -1,5 +1,6 @@
 """``scanlock demo``: two simulated scans registered, beside the exact pose."""
 
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,8 +11,8 @@ if TYPE_CHECKING:
     from scanlock.registration.result import Registration
     from scanlock.simulation import SimulatedPair
 
-_BASELINE = (4.0, 6.0)
-"""How far apart along the street the two scans are [m]."""
+_BASELINE = (14.0, 18.0)
+"""How far apart along the street the two scans are [m]; the scene looks anywhere."""
 
 
 def demo(
@@ -19,7 +20,7 @@ def demo(
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-demo"),
     seed: int = 1,
 ) -> int:
-    """Register two simulated 64-beam scans of a street and compare with the exact pose.
+    """Register two simulated 64-beam scans of a street, no start given, beside the exact pose.
 
     Parameters
     ----------
@@ -45,15 +46,16 @@ def demo(
     begin = time.perf_counter()
     with compile_watch() as watch:
         with waiting("simulating a street and two scans of it"):
-            pair = scan_pair("street", "hdl_64e", seed, baseline=_BASELINE)
+            pair = scan_pair("street", "hdl_64e", seed, baseline=_BASELINE, turn=math.pi)
         made = time.perf_counter() - begin
         with waiting("registering"):
             result = register(source=pair.source.points, target=pair.target.points)
     wrote = _write(output, pair, result)
+    metres = float(np.linalg.norm(pair.target_from_source.translation))
     show_registration(
         result,
         f"simulated HDL-64E, street, {len(pair.target):,} points",
-        f"the same some metres on, {len(pair.source):,} points",
+        f"the same {metres:.0f} m on, turned, {len(pair.source):,} points",
         centre=np.zeros(3),
         first_stage=("simulate", made),
         compiled=watch.compiled,

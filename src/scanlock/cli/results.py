@@ -51,6 +51,8 @@ def show_registration(
     if not math.isnan(result.overlap):
         rows.append(("overlap", f"{100 * result.overlap:.0f} % of the scene meets the reference"))
         rows.append(("score", f"{result.score:.2f}, of 1 for identical scans"))
+    if result.candidates:
+        rows.append(("chosen", _choice(result)))
     pose = _matrix(result.target_from_source)
     rows.append(("pose", f"rotation and translation [m], reference from scene\n{pose}"))
     if truth is not None:
@@ -120,6 +122,17 @@ def _error(pose: "Pose", truth: "Pose") -> str:
 def _triple(values: "Vector | list[float]", digits: int) -> str:
     # Adding zero turns -0.0 into 0.0.
     return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
+
+
+def _choice(result: "Registration") -> str:
+    best = result.candidates[0]
+    found = f"by {best.maker}"
+    if not math.isnan(best.violation):
+        found += f"; {100 * best.violation:.0f} % stands where the other scan looked through"
+    rivals = len(result.candidates) - 1
+    if rivals == 0 or math.isnan(result.second_best):
+        return f"{found}; no rival"
+    return f"{found}; {rivals} rivals, the best agrees {100 * result.second_best:.0f} % as well"
 
 
 def _matrix(pose: "Pose") -> str:

@@ -1,0 +1,336 @@
+"""Which matches of parts can hold at once, and sets of matches in which all do.
+
+Neighbours in the graph are kept as bits of unsigned words, 64 to a word, so that the common
+neighbours of two matches are counted 64 at a time. Symmetric 3x3 matrices come as (m, 6) upper
+triangles xx, xy, xz, yy, yz, zz.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.arrays import Labels, Matrix, Points, Vector
+from scanlock.kernels._compile import kernel
+
+Words = NDArray[np.uint64]
+
+
+@kernel
+def level_compatibility(
+    target: Points,
+    source: Points,
+    target_slack: Matrix,
+    source_slack: Matrix,
+    turns: Matrix,
+    tolerances: Vector,
+    grades: Vector,
+) -> Words:
+    """Return the (g, m, w) neighbours of m matches between level frames, at each grade.
+
+    Two matches are neighbours if the squared misfits of their height difference, horizontal
+    distance and headings, in tolerances, sum to no more than the grade.
+
+    Parameters
+    ----------
+    target, source : (m, 3) [m]
+        Centres of the matched parts.
+    target_slack, source_slack : (m, 6) [m^2]
+        How far a centre may slide along each direction, squared.
+    turns : (m, 2)
+        Cosine and sine of twice the turn from source to target of the parts' long axes seen
+        from above; zeros where a part has none.
+    tolerances : (4,)
+        Distance [m], height per distance, angle [rad], least distance [m] of two centres.
+    grades : (g,)
+        Ascending.
+    """
+    m = target.shape[0]
+    graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
+    for a in range(m):
+        for b in range(a):
+            misfit = _level_misfit(
+                target, source, target_slack, source_slack, turns, tolerances, grades[-1], a, b
+            )
+            _join(graph, grades, misfit, a, b)
+    return graph
+
+
+@kernel
+def free_compatibility(
+    target: Points,
+    source: Points,
+    target_slack: Matrix,
+    source_slack: Matrix,
+    target_axes: Points,
+    source_axes: Points,
+    tolerances: Vector,
+    grades: Vector,
+) -> Words:
+    """Return the (g, m, w) neighbours of m matches between frames of any tilt, at each grade.
+
+    The misfits are those of the distance of the centres and of the angles among the parts' axes
+    and the line that joins the centres; no rotation changes them.
+
+    Parameters
+    ----------
+    target, source, target_slack, source_slack, tolerances, grades
+        As in `level_compatibility`; the height per distance is not used.
+    target_axes, source_axes : (m, 3)
+        Unit vectors whose sign means nothing; zeros where a part has none.
+    """
+    m = target.shape[0]
+    graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
+    for a in range(m):
+        for b in range(a):
+            misfit = _free_misfit(
+                target, source, target_slack, source_slack, target_axes, source_axes,
+                tolerances, grades[-1], a, b,
+            )  # fmt: skip
+            _join(graph, grades, misfit, a, b)
+    return graph
+
+
+@kernel
+def shared_neighbours(graph: Words) -> tuple[Labels, Labels]:
+    """Return the (e, 2) pairs of neighbours in an (m, w) graph, and how many they share.
+
+    The larger row comes first in a pair. Wrong matches that happen to agree share few.
+    """
+    m, words = graph.shape
+    count = 0
+    for a in range(m):
+        for w in range(words):
+            count += _ones(graph[a, w])
+    pairs = np.empty((count // 2, 2), np.int64)
+    shared = np.zeros(count // 2, np.int64)
+    k = 0
+    for a in range(m):
+        for b in range(a):
+            if (graph[a, b >> 6] >> np.uint64(b & 63)) & np.uint64(1):
+                pairs[k, 0], pairs[k, 1] = a, b
+                for w in range(words):
+                    shared[k] += _ones(graph[a, w] & graph[b, w])
+                k += 1
+    return pairs, shared
+
+
+@kernel
+def grown_sets(graph: Words, pairs: Labels, most: int, largest: int) -> Labels:
+    """Return up to `most` (s, largest) sets of rows that are all neighbours; -1 fills up.
+
+    Each grows from the first of the (e, 2) pairs that lies in no earlier set, by the row that
+    leaves the most candidates, until none is left or the set is full. Sets of two are left out.
+    """
+    m, words = graph.shape
+    sets = np.full((most, largest), -1, np.int64)
+    spent = np.zeros((m, words), np.uint64)
+    left = np.empty(words, np.uint64)
+    n = 0
+    for k in range(pairs.shape[0]):
+        if n == most:
+            break
+        a, b = pairs[k, 0], pairs[k, 1]
+        if (spent[a, b >> 6] >> np.uint64(b & 63)) & np.uint64(1):
+            continue
+        size = 2
+        sets[n, 0], sets[n, 1] = a, b
+        for w in range(words):
+            left[w] = graph[a, w] & graph[b, w]
+        while size < largest:
+            best = _best_candidate(graph, left)
+            if best < 0:
+                break
+            sets[n, size] = best
+            size += 1
+            for w in range(words):
+                left[w] &= graph[best, w]
+        for i in range(size):
+            for j in range(size):
+                other = sets[n, j]
+                spent[sets[n, i], other >> 6] |= np.uint64(1) << np.uint64(other & 63)
+        if size > 2:
+            n += 1
+        else:
+            sets[n, :2] = -1
+    return sets[:n]
+
+
+@kernel
+def soft_overlap(target: Points, source: Points, affinities: Matrix, width: float) -> float:
+    """Return how many parts meet their like, each counted by how near and how alike.
+
+    A source part meets the target part that counts most; a target part counts once.
+
+    Parameters
+    ----------
+    target : (k, 3) [m]
+    source : (n, 3) [m]
+        In the target's frame.
+    affinities : (n, k)
+        How alike two parts are, 0 to 1.
+    width : float [m]
+        Deviation of the Gaussian by which nearness falls off; zero beyond three of it.
+    """
+    taken = np.zeros(target.shape[0])
+    reach = 9.0 * width * width
+    total = 0.0
+    for n in range(source.shape[0]):
+        best, at = 0.0, -1
+        for k in range(target.shape[0]):
+            x, y = target[k, 0] - source[n, 0], target[k, 1] - source[n, 1]
+            z = target[k, 2] - source[n, 2]
+            square = x * x + y * y + z * z
+            if square < reach and affinities[n, k] > best:
+                count = affinities[n, k] * math.exp(-0.5 * square / (width * width))
+                if count > best:
+                    best, at = count, k
+        if at >= 0 and best > taken[at]:
+            total += best - taken[at]
+            taken[at] = best
+    return total
+
+
+@kernel
+def _level_misfit(
+    target: Points,
+    source: Points,
+    target_slack: Matrix,
+    source_slack: Matrix,
+    turns: Matrix,
+    tolerances: Vector,
+    most: float,
+    a: int,
+    b: int,
+) -> float:
+    base, slope, angle, least = tolerances[0], tolerances[1], tolerances[2], tolerances[3]
+    base *= base
+    tx, ty = target[a, 0] - target[b, 0], target[a, 1] - target[b, 1]
+    sx, sy = source[a, 0] - source[b, 0], source[a, 1] - source[b, 1]
+    far_t, far_s = math.sqrt(tx * tx + ty * ty), math.sqrt(sx * sx + sy * sy)
+    if far_t < least or far_s < least:
+        return math.inf
+    rise = target[a, 2] - target[b, 2] - source[a, 2] + source[b, 2]
+    upward = target_slack[a, 5] + target_slack[b, 5] + source_slack[a, 5] + source_slack[b, 5]
+    misfit = rise * rise / (base + slope * slope * far_t * far_t + upward)
+    if misfit > most:
+        return math.inf
+    tx, ty, sx, sy = tx / far_t, ty / far_t, sx / far_s, sy / far_s
+    along = _along(target_slack, a, b, tx, ty, 0.0) + _along(source_slack, a, b, sx, sy, 0.0)
+    misfit += (far_t - far_s) ** 2 / (base + along)
+    if misfit > most:
+        return math.inf
+    across = _along(target_slack, a, b, -ty, tx, 0.0) + _along(source_slack, a, b, -sy, sx, 0.0)
+    spread = angle * angle + (base + across) / (far_t * far_s)
+    # Twice the turn between the lines that join the centres: axes and lines have no sign.
+    c, s = tx * sx + ty * sy, ty * sx - tx * sy
+    c, s = c * c - s * s, 2.0 * c * s
+    has_a = turns[a, 0] != 0.0 or turns[a, 1] != 0.0
+    has_b = turns[b, 0] != 0.0 or turns[b, 1] != 0.0
+    # The squared sine of an angle is half of 1 less the cosine of its double.
+    if has_a:
+        misfit += 0.5 * (1.0 - turns[a, 0] * c - turns[a, 1] * s) / spread
+    if has_b:
+        misfit += 0.5 * (1.0 - turns[b, 0] * c - turns[b, 1] * s) / spread
+    if has_a and has_b:
+        cosine = turns[a, 0] * turns[b, 0] + turns[a, 1] * turns[b, 1]
+        misfit += 0.25 * (1.0 - cosine) / (angle * angle)
+    return misfit
+
+
+@kernel
+def _free_misfit(
+    target: Points,
+    source: Points,
+    target_slack: Matrix,
+    source_slack: Matrix,
+    target_axes: Points,
+    source_axes: Points,
+    tolerances: Vector,
+    most: float,
+    a: int,
+    b: int,
+) -> float:
+    base, angle, least = tolerances[0], tolerances[2], tolerances[3]
+    base *= base
+    tx, ty, tz = (
+        target[a, 0] - target[b, 0], target[a, 1] - target[b, 1], target[a, 2] - target[b, 2],
+    )  # fmt: skip
+    sx, sy, sz = (
+        source[a, 0] - source[b, 0], source[a, 1] - source[b, 1], source[a, 2] - source[b, 2],
+    )  # fmt: skip
+    far_t, far_s = math.sqrt(tx * tx + ty * ty + tz * tz), math.sqrt(sx * sx + sy * sy + sz * sz)
+    if far_t < least or far_s < least:
+        return math.inf
+    tx, ty, tz, sx, sy, sz = tx / far_t, ty / far_t, tz / far_t, sx / far_s, sy / far_s, sz / far_s
+    along = _along(target_slack, a, b, tx, ty, tz) + _along(source_slack, a, b, sx, sy, sz)
+    misfit = (far_t - far_s) ** 2 / (base + along)
+    if misfit > most:
+        return math.inf
+    across = _trace(target_slack, a, b) + _trace(source_slack, a, b) - along
+    # Two directions lie across the line, and one of them turns it towards the axis.
+    spread = angle * angle + (base + 0.5 * across) / (far_t * far_s)
+    ta, tb = _to_line(target_axes, a, tx, ty, tz), _to_line(target_axes, b, tx, ty, tz)
+    sa, sb = _to_line(source_axes, a, sx, sy, sz), _to_line(source_axes, b, sx, sy, sz)
+    t_axes = _to_line(target_axes, a, target_axes[b, 0], target_axes[b, 1], target_axes[b, 2])
+    s_axes = _to_line(source_axes, a, source_axes[b, 0], source_axes[b, 1], source_axes[b, 2])
+    misfit += ((ta - sa) ** 2 + (tb - sb) ** 2) / spread
+    return misfit + 0.5 * (t_axes - s_axes) ** 2 / (angle * angle)
+
+
+@kernel
+def _along(slack: Matrix, a: int, b: int, x: float, y: float, z: float) -> float:
+    """Return the slack of both parts together along a unit vector."""
+    across = (slack[a, 1] + slack[b, 1]) * x * y
+    across += (slack[a, 2] + slack[b, 2]) * x * z + (slack[a, 4] + slack[b, 4]) * y * z
+    total = (slack[a, 0] + slack[b, 0]) * x * x + (slack[a, 3] + slack[b, 3]) * y * y
+    return total + (slack[a, 5] + slack[b, 5]) * z * z + 2.0 * across
+
+
+@kernel
+def _trace(slack: Matrix, a: int, b: int) -> float:
+    return slack[a, 0] + slack[b, 0] + slack[a, 3] + slack[b, 3] + slack[a, 5] + slack[b, 5]
+
+
+@kernel
+def _to_line(axes: Points, row: int, x: float, y: float, z: float) -> float:
+    """Return the cosine of the angle between an axis and a line, neither of which has a sign."""
+    return abs(axes[row, 0] * x + axes[row, 1] * y + axes[row, 2] * z)
+
+
+@kernel
+def _join(graph: Words, grades: Vector, misfit: float, a: int, b: int) -> None:
+    for g in range(grades.shape[0] - 1, -1, -1):
+        if misfit > grades[g]:
+            break
+        graph[g, a, b >> 6] |= np.uint64(1) << np.uint64(b & 63)
+        graph[g, b, a >> 6] |= np.uint64(1) << np.uint64(a & 63)
+
+
+@kernel
+def _best_candidate(graph: Words, left: Words) -> int:
+    """Return the row among the bits of `left` with the most neighbours there; -1 without any."""
+    best, most = -1, -1
+    for w in range(left.shape[0]):
+        rest = left[w]
+        while rest != 0:
+            lowest = rest & (~rest + np.uint64(1))
+            rest ^= lowest
+            row = 64 * w + _ones(lowest - np.uint64(1))
+            count = 0
+            for u in range(left.shape[0]):
+                count += _ones(left[u] & graph[row, u])
+            if count > most:
+                best, most = row, count
+    return best
+
+
+@kernel
+def _ones(word: np.uint64) -> int:
+    """Return how many bits of a word are set."""
+    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    word = (word & np.uint64(0x3333333333333333)) + (
+        (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
+    )
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
