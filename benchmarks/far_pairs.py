@@ -9,7 +9,7 @@ counts within 2 m and 5 degrees, the measure of published results on loop closur
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +24,12 @@ BASELINES = ((0.0, 10.0), (10.0, 20.0), (20.0, 30.0))
 SENSORS = ("hdl_64e", "os1_64", "hdl_32e")
 
 
-def far_pair(kind: str, seed: int) -> Iterator[tuple[tuple[float, float], SimulatedPair]]:
+def far_pair(
+    kind: str, seed: int, baselines: Sequence[tuple[float, float]] = BASELINES
+) -> Iterator[tuple[tuple[float, float], SimulatedPair]]:
     """Yield a pair of each distance class in one scene."""
     scene = SCENES[kind](np.random.default_rng(seed))
-    for baseline in BASELINES:
+    for baseline in baselines:
         sensor = SENSORS[seed % 3]
         yield baseline, scan_pair(scene, sensor, seed, baseline=baseline, turn=math.pi)
 
