@@ -1,12 +1,12 @@
 """Register real pairs with any heading and no initial pose; print solved, errors and CPU time.
 
-    python benchmarks/any_start.py --data FOLDER [--headings 12] [--peer-headings 1]
+    python benchmarks/any_start.py --data FOLDER [--headings 12] [--peer-pairs 6]
         [--only TEXT] [--no-peers] [--each]
 
 The source of every pair is turned about its own z axis by random headings, and no start is given.
 A pair is solved within 0.3 m and 1 degree of its reference, or within the tolerance that its
-table states where the reference is no better than that. Peers take seconds, so they get the first
-headings of each pair only; scanlock has a row of its own over those same trials.
+table states where the reference is no better than that. Peers take seconds, so they get some pairs of
+each group, evenly spaced, with one heading each; scanlock has a row of its own over those same trials.
 """
 
 import argparse
@@ -72,6 +72,7 @@ def group_trials(
 ) -> dict[str, list[Trial]]:
     found: dict[str, list[Trial]] = {}
     ours, *peers = searchers(peers=not arguments.no_peers)
+    shared = set(np.linspace(0, len(pairs) - 1, arguments.peer_pairs).round().astype(int))
     for index, pair in enumerate(pairs):
         target, source = pair.load_target(), pair.load_source()
         for number, turn in enumerate(headings(group, index, arguments.headings)):
@@ -80,7 +81,7 @@ def group_trials(
             found.setdefault(ours.name, []).append(one)
             if arguments.each and not (one.solved and one.claimed):
                 print(f"{group} {pair.name}, heading {number}: {one}")
-            if peers and number < arguments.peer_headings:
+            if peers and number == 0 and index in shared:
                 found.setdefault(f"{ours.name}, where peers ran", []).append(one)
                 for peer in peers:
                     one = tried(peer, scene, target, truth, tolerance_of(group))
@@ -92,7 +93,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=os.environ.get("SCANLOCK_DATA"))
     parser.add_argument("--headings", type=int, default=12, help="headings of each pair")
-    parser.add_argument("--peer-headings", type=int, default=1, help="of these, for the peers")
+    parser.add_argument("--peer-pairs", type=int, default=6, help="pairs of a group for peers")
     parser.add_argument("--only", default="", help="groups whose name contains this text")
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--each", action="store_true", help="print what is not solved and claimed")
