@@ -5,8 +5,8 @@
 
 The source of every pair is turned about its own z axis by random headings, and no start is given.
 A pair is solved within 0.3 m and 1 degree of its reference, or within the tolerance that its
-table states where the reference is no better than that. Peers take seconds, so they get some pairs of
-each group, evenly spaced, with one heading each; scanlock has a row of its own over those same trials.
+table states where the reference is no better than that. Peers take seconds, so they get some pairs
+of each group, evenly spaced, with one heading each; scanlock has a row of its own over those.
 """
 
 import argparse

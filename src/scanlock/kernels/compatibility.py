@@ -47,12 +47,16 @@ def level_compatibility(
     """
     m = target.shape[0]
     graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
+    places = np.zeros((2, 3, m))
+    places[0, :2], places[1, :2] = target[:, :2].T, source[:, :2].T
+    room = _room(target_slack, source_slack, tolerances[0])
+    rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
-        for b in range(a):
+        for k in range(_evenly_far(places, room, grades[-1], a, excess, rows)):
             misfit = _level_misfit(
-                target, source, target_slack, source_slack, turns, tolerances, grades[-1], a, b
+                target, source, target_slack, source_slack, turns, tolerances, a, rows[k]
             )
-            _join(graph, grades, misfit, a, b)
+            _join(graph, grades, misfit, a, rows[k])
     return graph
 
 
@@ -81,13 +85,17 @@ def free_compatibility(
     """
     m = target.shape[0]
     graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
+    places = np.empty((2, 3, m))
+    places[0], places[1] = target.T, source.T
+    room = _room(target_slack, source_slack, tolerances[0])
+    rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
-        for b in range(a):
+        for k in range(_evenly_far(places, room, grades[-1], a, excess, rows)):
             misfit = _free_misfit(
                 target, source, target_slack, source_slack, target_axes, source_axes,
-                tolerances, grades[-1], a, b,
+                tolerances, a, rows[k],
             )  # fmt: skip
-            _join(graph, grades, misfit, a, b)
+            _join(graph, grades, misfit, a, rows[k])
     return graph
 
 
@@ -192,6 +200,46 @@ def soft_overlap(target: Points, source: Points, affinities: Matrix, width: floa
 
 
 @kernel
+def _room(target_slack: Matrix, source_slack: Matrix, base: float) -> Vector:
+    """Return a bound on what each match adds to the squared tolerance of a distance."""
+    room = np.empty(target_slack.shape[0])
+    for a in range(room.shape[0]):
+        room[a] = 0.5 * base * base + target_slack[a, 0] + target_slack[a, 3] + target_slack[a, 5]
+        room[a] += source_slack[a, 0] + source_slack[a, 3] + source_slack[a, 5]
+    return room
+
+
+@kernel
+def _evenly_far(
+    places: Matrix, room: Vector, most: float, a: int, excess: Vector, rows: Labels
+) -> int:
+    """Write into `rows` which matches before `a` may be its neighbours, and return how many.
+
+    Nine of ten fail by their distances alone, which takes a loop without branches; the trace of
+    a slack bounds it along any direction. `places` holds x, y, z of target and source, (2, 3, m);
+    `excess` is scratch.
+    """
+    for b in range(a):
+        x, y, z = (
+            places[0, 0, a] - places[0, 0, b],
+            places[0, 1, a] - places[0, 1, b],
+            places[0, 2, a] - places[0, 2, b],
+        )
+        u, v, w = (
+            places[1, 0, a] - places[1, 0, b],
+            places[1, 1, a] - places[1, 1, b],
+            places[1, 2, a] - places[1, 2, b],
+        )
+        gap = math.sqrt(x * x + y * y + z * z) - math.sqrt(u * u + v * v + w * w)
+        excess[b] = gap * gap - most * (room[a] + room[b])
+    count = 0
+    for b in range(a):
+        rows[count] = b
+        count += excess[b] <= 0.0
+    return count
+
+
+@kernel
 def _level_misfit(
     target: Points,
     source: Points,
@@ -199,7 +247,6 @@ def _level_misfit(
     source_slack: Matrix,
     turns: Matrix,
     tolerances: Vector,
-    most: float,
     a: int,
     b: int,
 ) -> float:
@@ -213,13 +260,9 @@ def _level_misfit(
     rise = target[a, 2] - target[b, 2] - source[a, 2] + source[b, 2]
     upward = target_slack[a, 5] + target_slack[b, 5] + source_slack[a, 5] + source_slack[b, 5]
     misfit = rise * rise / (base + slope * slope * far_t * far_t + upward)
-    if misfit > most:
-        return math.inf
     tx, ty, sx, sy = tx / far_t, ty / far_t, sx / far_s, sy / far_s
     along = _along(target_slack, a, b, tx, ty, 0.0) + _along(source_slack, a, b, sx, sy, 0.0)
     misfit += (far_t - far_s) ** 2 / (base + along)
-    if misfit > most:
-        return math.inf
     across = _along(target_slack, a, b, -ty, tx, 0.0) + _along(source_slack, a, b, -sy, sx, 0.0)
     spread = angle * angle + (base + across) / (far_t * far_s)
     # Twice the turn between the lines that join the centres: axes and lines have no sign.
@@ -247,7 +290,6 @@ def _free_misfit(
     target_axes: Points,
     source_axes: Points,
     tolerances: Vector,
-    most: float,
     a: int,
     b: int,
 ) -> float:
@@ -265,8 +307,6 @@ def _free_misfit(
     tx, ty, tz, sx, sy, sz = tx / far_t, ty / far_t, tz / far_t, sx / far_s, sy / far_s, sz / far_s
     along = _along(target_slack, a, b, tx, ty, tz) + _along(source_slack, a, b, sx, sy, sz)
     misfit = (far_t - far_s) ** 2 / (base + along)
-    if misfit > most:
-        return math.inf
     across = _trace(target_slack, a, b) + _trace(source_slack, a, b) - along
     # Two directions lie across the line, and one of them turns it towards the axis.
     spread = angle * angle + (base + 0.5 * across) / (far_t * far_s)
