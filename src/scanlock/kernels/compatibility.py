@@ -348,7 +348,7 @@ def _join(graph: Words, grades: Vector, misfit: float, a: int, b: int) -> None:
 
 
 @kernel
-def _best_candidate(graph: Words, left: Words) -> int:
+def _best_candidate(graph: Words, left: Words) -> int | np.int64:
     """Return the row among the bits of `left` with the most neighbours there; -1 without any."""
     best, most = -1, -1
     for w in range(left.shape[0]):
@@ -366,7 +366,7 @@ def _best_candidate(graph: Words, left: Words) -> int:
 
 
 @kernel
-def _ones(word: np.uint64) -> int:
+def _ones(word: np.uint64) -> np.int64:
     """Return how many bits of a word are set."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import (
@@ -171,8 +172,10 @@ class ClusterMatcher:
         self, target: ClusterFeatures, source: ClusterFeatures, is_level: bool
     ) -> _Matches:
         """Return the mutual best matches within each kind, the most alike of them."""
-        unlikeness = _squared_distances(
-            self._descriptors(source, is_level), self._descriptors(target, is_level)
+        source_descriptors = self._descriptors(source, is_level)
+        target_descriptors = self._descriptors(target, is_level)
+        unlikeness = np.asarray(
+            cdist(source_descriptors, target_descriptors, "sqeuclidean"), dtype=np.float64
         )
         unlikeness[source.kinds[:, None] != target.kinds] = np.inf
         is_match = _mutually_near(unlikeness, self.nearest) & (unlikeness <= _MOST_UNLIKE)
@@ -229,11 +232,6 @@ class ClusterMatcher:
             )
         axes = read_only(target.axes[at]), read_only(source.axes[of])
         return free_compatibility(*parts, *axes, read_only(tolerances), read_only(grades))
-
-
-def _squared_distances(rows: Matrix, columns: Matrix) -> Matrix:
-    squares = (rows**2).sum(1)[:, None] + (columns**2).sum(1) - 2.0 * rows @ columns.T
-    return np.maximum(squares, 0.0)
 
 
 def _mutually_near(distances: Matrix, nearest: int) -> NDArray[np.bool_]:
