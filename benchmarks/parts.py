@@ -33,20 +33,21 @@ from trials import Trial, tried
 
 _FULL = Auto()
 
-_SHALLOW = replace(_FULL, deeper=None)
+_SHALLOW = replace(_FULL, deeper=None, matcher=None)
 
 _NEAR_LEADING = tuple(replace(scale, is_entry=False) for scale in DEFAULT_SCALES[2:])
 
 VARIANTS: dict[str, Auto] = {
     "all parts": _FULL,
-    "no deeper search": _SHALLOW,
+    "nothing tried in doubt": _SHALLOW,
     "... and open ground says nothing": replace(_SHALLOW, search=HeadingSearch(openness=0.0)),
     "... and no whitening": replace(_SHALLOW, search=HeadingSearch(whitening=0.0)),
     "... and only the first hypothesis": replace(_SHALLOW, search=HeadingSearch(most=1)),
     "... and not laid on the ground": replace(_SHALLOW, search=HeadingSearch(fits_ground=False)),
     "... and no free space": replace(_SHALLOW, imager=None),
     "... and near parts lead, from 2 m": replace(_SHALLOW, descents=Descents(scales=_NEAR_LEADING)),
-    "no search: the identity's basin": replace(_SHALLOW, search=None),
+    "matched clusters, no search": replace(_FULL, search=None, deeper=None),
+    "neither: the identity's basin": replace(_SHALLOW, search=None),
     "no fine stage": replace(_FULL, fine=None),
     "fine stage on one grid": replace(_FULL, fine=FineStage(offsets=(0.0,))),
     "fine stage, cells of 0.5 m": replace(_FULL, fine=FineStage(widths=(0.5, 1.0, 2.0, 4.0))),

@@ -5,11 +5,14 @@ from dataclasses import dataclass, field, replace
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least, require_fraction
 from scanlock.geometry.pose import Pose
+from scanlock.models.ground_result import GroundStatus
+from scanlock.models.plan_view import level_pose
 from scanlock.models.range_image import RangeImager
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.agreement import judged, violation
 from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.candidate import Candidate, plausibility
+from scanlock.registration.cluster_matching import ClusterMatcher
 from scanlock.registration.descents import Descent, Descents
 from scanlock.registration.fine_stage import FineStage
 from scanlock.registration.heading_search import HeadingSearch
@@ -58,6 +61,10 @@ class Auto:
     """Proposes more poses where those leave doubt; free space sorts out the few to follow. None
     leaves it out. Its viewer is that of `search`."""
 
+    matcher: ClusterMatcher | None = field(default_factory=ClusterMatcher)
+    """Proposes poses from matched clusters, whatever the tilt, where a scan has no ground or doubt
+    is left; None leaves it out."""
+
     basin: SgcNdt = field(default_factory=SgcNdt)
     """Descends from an initial pose by its full schedule, which forgives 10 m and 60 degrees."""
 
@@ -94,6 +101,11 @@ class Auto:
         parts = dict(zip(radii, found.gaussians, strict=True))
         with clock.stage("view"):
             view = None if self.search is None else self.search.view(cloud, ground)
+        with clock.stage("features"):
+            level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
+            features = (
+                None if self.matcher is None else self.matcher.describe(parts[near[0]], level)
+            )
         with clock.stage("ranges"):
             ranges = None if self.imager is None else self.imager.image(cloud)
         with clock.stage("cells"):
@@ -103,6 +115,7 @@ class Auto:
             replace(found, gaussians=tuple(parts[radius] for radius in basin)),
             tuple(parts[radius] for radius in near),
             view,
+            features,
             ranges,
             fine,
             {**clock.seconds, **found.timings},
@@ -166,9 +179,12 @@ class Auto:
             key=lambda one: one.weight * plausibility(violation(target, source, one.pose)),
             reverse=True,
         )
-        ended, history = self._descended(
-            target, source, proposed[:_MOST_IN_DOUBT], initial, restraint
-        )
+        proposed = proposed[:_MOST_IN_DOUBT]
+        if target.has_ground and source.has_ground:
+            # What was taken for ground may be a wall: once as it was levelled, once freely.
+            proposed += self._matched(target, source)
+            proposed += self._matched(target, source, is_free=True)
+        ended, history = self._descended(target, source, proposed, initial, restraint)
         if initial is None:
             ended += self._ends_of(target, source, Pose.identity(), "identity", restraint)
         return ended, history
@@ -223,7 +239,19 @@ class Auto:
             found.append(Hypothesis(restraint.prior.pose, 1.0, "prior"))
         if self.search is not None and target.view is not None and source.view is not None:
             found += self.search.hypotheses(target.view, source.view)
+        if not (target.has_ground and source.has_ground):
+            found += self._matched(target, source)
         return found
+
+    def _matched(
+        self, target: AutoScan, source: AutoScan, is_free: bool = False
+    ) -> list[Hypothesis]:
+        if self.matcher is None or target.features is None or source.features is None:
+            return []
+        features = target.features, source.features
+        if is_free:
+            features = tuple(self.matcher.describe(one.parts[0], None) for one in (target, source))
+        return self.matcher.hypotheses(*features)
 
     def _refined(
         self, target: AutoScan, source: AutoScan, descent: Descent, restraint: Restraint

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.models.cluster_features import ClusterFeatures
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.plan_view import PlanView
 from scanlock.models.range_image import RangeImage
@@ -25,6 +26,8 @@ class AutoScan:
         Its clusters at each scale of the descents from hypotheses.
     view : PlanView or None
         What the search sees of it.
+    features : ClusterFeatures or None
+        What of its clusters can be recognised from elsewhere.
     ranges : RangeImage or None
         How far it saw; None where the origin of its frame is no sensor.
     fine : FineScan or None
@@ -37,6 +40,7 @@ class AutoScan:
     landmarks: Landmarks
     parts: tuple[Gaussians, ...]
     view: PlanView | None
+    features: ClusterFeatures | None
     ranges: RangeImage | None
     fine: FineScan | None
     timings: Mapping[str, float]
@@ -48,6 +52,11 @@ class AutoScan:
             return self.landmarks.notes
         cells = f"{len(self.fine.gaussians)} cells of {self.fine.width:g} m"
         return (*self.landmarks.notes, cells)
+
+    @property
+    def has_ground(self) -> bool:
+        """Whether its ground says which way is up."""
+        return self.view is not None and self.view.has_ground
 
     @property
     def has_parts(self) -> bool:
