@@ -22,13 +22,8 @@ from scanlock.errors import (
 )
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments
-from scanlock.kernels.compatibility import (
-    free_compatibility,
-    grown_sets,
-    level_compatibility,
-    shared_neighbours,
-    soft_overlap,
-)
+from scanlock.kernels.agreeing_sets import grown_sets, shared_neighbours
+from scanlock.kernels.compatibility import free_compatibility, level_compatibility, soft_overlap
 from scanlock.models.cluster_features import ClusterFeatures
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.hypothesis import Hypothesis

@@ -6,13 +6,8 @@ import pytest
 from reference import compatibility as reference
 from reference.samples import turned_covariances
 from scanlock.arrays import read_only
-from scanlock.kernels.compatibility import (
-    free_compatibility,
-    grown_sets,
-    level_compatibility,
-    shared_neighbours,
-    soft_overlap,
-)
+from scanlock.kernels.agreeing_sets import grown_sets, shared_neighbours
+from scanlock.kernels.compatibility import free_compatibility, level_compatibility, soft_overlap
 
 _TOLERANCES = np.array([0.5, 0.1, 0.2, 2.0])
 _GRADES = np.array([1.0, 4.0, 12.0])
