@@ -15,6 +15,7 @@ from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.objectives.restraint import FREE, Restraint
+from scanlock.registration.in_turn import loosened, minimise_in_turn
 from scanlock.registration.landmarks import LEAST_PARTS
 from scanlock.registration.scales import LEAST_SHARE
 from scanlock.registration.voxel_scan import measured_points, require_widths
@@ -53,14 +54,16 @@ class FineStage:
     """Sides of the cells [m], finest first. Each scan takes the first that most of its points
     fill, a pair the larger of its two."""
 
-    offsets: tuple[float, ...] = (0.0, 0.5)
+    offsets: tuple[float, ...] = (0.0, 1.0 / 3.0, 2.0 / 3.0)
     """Where the grids lie along each axis, as shares of the width; the cells of all of them are
-    taken. What one grid cuts badly the next one does not: it halves the error of one."""
+    taken. What one grid cuts badly the next one does not."""
 
-    shape: ScoreShape = field(
-        default_factory=lambda: ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0)
+    shapes: tuple[ScoreShape, ...] = (
+        ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0),
+        ScoreShape(sharpness=1.0, window_start=4.0, window_end=9.0),
     )
-    """The score of a pair; cut off early, since far pairs cost time and say nothing here."""
+    """The score of a pair, one shape after the other: the first brings the cells together, the
+    last is the more exact. Cut off early, since far pairs cost time and say nothing here."""
 
     weight_power: float = 0.25
     """Gaussians weigh as their counts to this power."""
@@ -71,10 +74,15 @@ class FineStage:
     solver: Solver = field(default_factory=Newton)
     """Minimises the score."""
 
+    loose_step: float = 0.03
+    """All shapes but the last stop at steps below this [m]."""
+
     def __post_init__(self) -> None:
         require_widths(self.widths[::-1])
         require_at_least("offsets", len(self.offsets), 1)
+        require_at_least("shapes", len(self.shapes), 1)
         require_positive("weight_power", self.weight_power)
+        require_positive("loose_step", self.loose_step, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineScan:
         """Return the cells of a cloud at the width that its density allows."""
@@ -92,14 +100,23 @@ class FineStage:
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start close by."""
         width = max(target.width, source.width)
-        objective = GaussiansToGaussians(
-            target=self._at_width(target, width),
-            source=self._at_width(source, width),
-            shape=self.shape,
-            weight_power=self.weight_power,
-            curvature=self.solver.curvature,
-        )
-        return self.solver.minimise(restraint.on(objective), start)
+        stays, moves = self._at_width(target, width), self._at_width(source, width)
+        stages = [
+            (
+                self.solver if shape is self.shapes[-1] else loosened(self.solver, self.loose_step),
+                restraint.on(
+                    GaussiansToGaussians(
+                        target=stays,
+                        source=moves,
+                        shape=shape,
+                        weight_power=self.weight_power,
+                        curvature=self.solver.curvature,
+                    )
+                ),
+            )
+            for shape in self.shapes
+        ]
+        return minimise_in_turn(stages, start)
 
     def _at_width(self, scan: FineScan, width: float) -> Gaussians:
         return scan.gaussians if scan.width == width else self._cells(scan.points, width)

@@ -44,12 +44,12 @@ def test_a_sparse_scan_gets_larger_cells_and_a_pair_the_larger_of_both():
     )
 
 
-def test_two_grids_give_twice_the_cells():
+def test_three_grids_give_thrice_the_cells():
     scan = street(1, count=20000)
     single = _prepared(scan, FineStage(offsets=(0.0,)))
-    double = _prepared(scan)
-    assert double.width == single.width
-    assert 1.6 < len(double.gaussians) / len(single.gaussians) < 2.4
+    triple = _prepared(scan)
+    assert triple.width == single.width
+    assert 2.5 < len(triple.gaussians) / len(single.gaussians) < 3.5
 
 
 def test_joined_gaussians_are_those_of_the_parts_in_their_order():
@@ -67,6 +67,8 @@ def test_joined_gaussians_are_those_of_the_parts_in_their_order():
         ({"widths": (2.0, 1.0)}, "widths must not grow"),
         ({"offsets": ()}, "offsets must be"),
         ({"weight_power": -1.0}, "weight_power must be"),
+        ({"shapes": ()}, "shapes must be"),
+        ({"loose_step": 0.0}, "loose_step must be"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings, message):
