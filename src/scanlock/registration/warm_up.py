@@ -6,11 +6,14 @@ from typing import Any, get_args
 import numpy as np
 
 from scanlock.arrays import Points
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.ground import GroundFinder
 from scanlock.models.segmentation import Segmenter, segment
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.objectives.cell_scores import CellMeeting
+from scanlock.registration.cluster_matching import ClusterMatcher
 from scanlock.registration.icp import Icp
 from scanlock.registration.methods import METHODS, Method
 from scanlock.registration.ndt import Ndt
@@ -40,6 +43,11 @@ def warm_up() -> None:
         NdtD2d(meeting="cells-around", widths=(3.0,)),
         *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellMeeting)),
     ]
+    parts = METHODS["sgc-ndt-d2d"].prepare(PointCloud.from_array(scan)).gaussians[-1]
+    matcher = ClusterMatcher()
+    for level in (Pose.identity(), None):
+        features = matcher.describe(parts, level)
+        matcher.hypotheses(features, features)
     for method in (*METHODS.values(), *others):
         register(source=scan + _STEP, target=scan, method=method)
 

@@ -2,18 +2,37 @@ import numba
 import pytest
 
 from reference.samples import street
-from scanlock.kernels import ground, grouping, meeting, moments, polar, terms
+from scanlock.kernels import (
+    agreeing_sets,
+    compatibility,
+    ground,
+    grouping,
+    meeting,
+    moments,
+    plan_view,
+    polar,
+    range_image,
+    terms,
+)
 from scanlock.models.segmentation import segment
 from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
 from scanlock.registration.warm_up import warm_up
 
 _KERNELS = (
+    agreeing_sets.grown_sets,
+    compatibility.free_compatibility,
+    compatibility.level_compatibility,
+    compatibility.soft_overlap,
     ground.lowest_in_cells,
     grouping.occupied_cells,
     meeting.meeting_gaussians,
     moments.labelled_moments,
+    plan_view.column_slots,
+    plan_view.turned_maps,
     polar.polar_cells,
+    range_image.looked_through,
+    range_image.nearest_ranges,
     terms.d2d_terms,
     terms.p2d_terms,
 )
