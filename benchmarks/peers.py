@@ -19,16 +19,16 @@ _FEATURE_VOXEL = 0.5
 _LEAST_INLIERS = 5
 """KISS-Matcher: final inliers from which its own example takes a pose for found."""
 
-_LEAST_FITNESS = 0.3
-"""Open3D: fitness from which a pose counts as claimed; the library itself says nothing."""
-
 
 @dataclass(frozen=True)
 class Searcher:
-    """Source and target in; a pose, and whether it claims to be right, out."""
+    """Source and target in; a pose, and whether it claims to be right, out.
+
+    None for a peer that claims nothing: Open3D gives a fitness and leaves its limit to the user.
+    """
 
     name: str
-    register: Callable[[Cloud, Cloud], tuple[Pose, bool]]
+    register: Callable[[Cloud, Cloud], tuple[Pose, bool | None]]
 
 
 def ours(name: str, method: Any) -> Searcher:
@@ -79,7 +79,7 @@ def open3d_searcher(kind: str) -> Searcher:
         around = open3d.geometry.KDTreeSearchParamHybrid(5.0 * voxel, 100)
         return cloud, features.compute_fpfh_feature(cloud, around)
 
-    def run(source: Cloud, target: Cloud) -> tuple[Pose, bool]:
+    def run(source: Cloud, target: Cloud) -> tuple[Pose, None]:
         (moves, own), (stays, other) = thinned(source), thinned(target)
         if kind == "FGR":
             option = features.FastGlobalRegistrationOption(maximum_correspondence_distance=voxel)
@@ -100,7 +100,7 @@ def open3d_searcher(kind: str) -> Searcher:
             moves, stays, 2.0 * voxel, first.transformation,
             features.TransformationEstimationPointToPlane(),
         )  # fmt: skip
-        return Pose.from_matrix(ended.transformation), bool(ended.fitness >= _LEAST_FITNESS)
+        return Pose.from_matrix(ended.transformation), None
 
     return Searcher(f"Open3D {kind} + ICP", run)
 

@@ -23,7 +23,7 @@ class Trial:
 
     metres: float
     degrees: float
-    claimed: bool
+    claimed: bool | None
     seconds: float
     tolerance: tuple[float, float]
 
@@ -52,10 +52,14 @@ def row(name: str, trials: Sequence[Trial]) -> list[str]:
         f"{sum(one.solved for one in trials)} / {len(trials)}",
         f"{np.median(metres):.3f} m, {np.median(degrees):.3f}°",
         f"{np.percentile(metres, 95):.3f} m, {np.percentile(degrees, 95):.3f}°",
-        str(sum(one.claimed and not one.solved for one in trials)),
-        str(sum(one.solved and not one.claimed for one in trials)),
+        _count([one.claimed and not one.solved for one in trials], trials),
+        _count([one.solved and not one.claimed for one in trials], trials),
         f"{1e3 * np.median([one.seconds for one in trials]):.0f}",
     ]
+
+
+def _count(cases: Sequence[bool | None], trials: Sequence[Trial]) -> str:
+    return "-" if any(one.claimed is None for one in trials) else str(sum(map(bool, cases)))
 
 
 def print_overview(found: dict[str, dict[str, list[Trial]]]) -> None:

@@ -15,7 +15,7 @@ from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.objectives.restraint import FREE, Restraint
-from scanlock.registration.in_turn import loosened, minimise_in_turn
+from scanlock.registration.in_turn import Stage, loosened, minimise_in_turn
 from scanlock.registration.landmarks import LEAST_PARTS
 from scanlock.registration.scales import LEAST_SHARE
 from scanlock.registration.voxel_scan import measured_points, require_widths
@@ -35,12 +35,15 @@ class FineScan:
     width : float [m]
         Side of the cells: the least that most points fill.
     gaussians : Gaussians
-        Those of the cells of that width.
+        Those of the cells of that width, in all grids.
+    coarse : Gaussians
+        Those of the first grid only.
     """
 
     points: Points
     width: float
     gaussians: Gaussians
+    coarse: Gaussians
 
     def __post_init__(self) -> None:
         frozen(self.points)
@@ -62,8 +65,9 @@ class FineStage:
         ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0),
         ScoreShape(sharpness=1.0, window_start=4.0, window_end=9.0),
     )
-    """The score of a pair, one shape after the other: the first brings the cells together, the
-    last is the more exact. Cut off early, since far pairs cost time and say nothing here."""
+    """The score of a pair, one shape after the other: the first bring the cells of one grid
+    together, the last is the more exact and takes all grids. Cut off early, since far pairs cost
+    time and say nothing here."""
 
     weight_power: float = 0.25
     """Gaussians weigh as their counts to this power."""
@@ -87,13 +91,13 @@ class FineStage:
     def prepare(self, cloud: PointCloud) -> FineScan:
         """Return the cells of a cloud at the width that its density allows."""
         points = measured_points(cloud)
-        width, gaussians = self.widths[0], self._cells(points, self.widths[0])
+        found = self._cells(points, self.widths[0])
         for coarser in self.widths[1:]:
-            share = gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
-            if share >= LEAST_SHARE and len(gaussians) >= LEAST_PARTS:
+            share = found.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
+            if share >= LEAST_SHARE and len(found.gaussians) >= LEAST_PARTS:
                 break
-            width, gaussians = coarser, self._cells(points, coarser)
-        return FineScan(points, width, gaussians)
+            found = self._cells(points, coarser)
+        return found
 
     def align(
         self, target: FineScan, source: FineScan, start: Pose, restraint: Restraint = FREE
@@ -101,26 +105,28 @@ class FineStage:
         """Return the pose that carries the source onto the target, from a start close by."""
         width = max(target.width, source.width)
         stays, moves = self._at_width(target, width), self._at_width(source, width)
-        stages = [
-            (
-                self.solver if shape is self.shapes[-1] else loosened(self.solver, self.loose_step),
-                restraint.on(
-                    GaussiansToGaussians(
-                        target=stays,
-                        source=moves,
-                        shape=shape,
-                        weight_power=self.weight_power,
-                        curvature=self.solver.curvature,
-                    )
-                ),
+
+        def stage(shape: ScoreShape, is_last: bool) -> Stage:
+            objective = GaussiansToGaussians(
+                target=stays.gaussians if is_last else stays.coarse,
+                source=moves.gaussians if is_last else moves.coarse,
+                shape=shape,
+                weight_power=self.weight_power,
+                curvature=self.solver.curvature,
             )
-            for shape in self.shapes
-        ]
+            solver = self.solver if is_last else loosened(self.solver, self.loose_step)
+            return solver, restraint.on(objective)
+
+        *first, last = self.shapes
+        stages = [*(stage(shape, False) for shape in first), stage(last, True)]
         return minimise_in_turn(stages, start)
 
-    def _at_width(self, scan: FineScan, width: float) -> Gaussians:
-        return scan.gaussians if scan.width == width else self._cells(scan.points, width)
+    def _at_width(self, scan: FineScan, width: float) -> FineScan:
+        return scan if scan.width == width else self._cells(scan.points, width)
 
-    def _cells(self, points: Points, width: float) -> Gaussians:
-        grids = [replace(self.grid, offset=offset) for offset in self.offsets]
-        return Gaussians.joined([grid.gaussians(points, width).gaussians for grid in grids])
+    def _cells(self, points: Points, width: float) -> FineScan:
+        grids = [
+            replace(self.grid, offset=offset).gaussians(points, width).gaussians
+            for offset in self.offsets
+        ]
+        return FineScan(points, width, Gaussians.joined(grids), grids[0])
