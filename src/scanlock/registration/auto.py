@@ -82,7 +82,8 @@ class Auto:
     good: who gives one usually knows."""
 
     doubt: float = 0.08
-    """With an agreement below this at the end, what else can be tried is tried."""
+    """With an agreement below this at the end, or much that stands where the other scan looked
+    through, what else can be tried is tried."""
 
     def __post_init__(self) -> None:
         require_at_least("loyalty", self.loyalty, 1.0)
@@ -151,7 +152,8 @@ class Auto:
             rivals += [(judged(target, source, one), one.solution) for one in ended]
             rivals.sort(key=lambda rival: self._standing(*rival, restraint), reverse=True)
             rivals = self._distinct(rivals)
-            if rivals and rivals[0][0].agreement >= self.doubt:
+            best = rivals[0][0] if rivals else None
+            if best is not None and best.is_plausible and best.agreement >= self.doubt:
                 break
         return Found(
             replace(rivals[0][1], history=history), tuple(candidate for candidate, _ in rivals)

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 from scanlock.geometry.pose import Pose
 
 UNKNOWN_VIOLATION = 0.15
-"""A violation that halves what speaks for a pose, and what is put where too little can be seen."""
+"""A violation that halves what speaks for a pose, and what is put where too little can be seen.
+
+Right poses of 238 pairs of scans had up to 0.14."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,11 @@ class Candidate:
         if math.isnan(self.score):
             return 0.0
         return self.overlap * self.score * plausibility(self.violation)
+
+    @property
+    def is_plausible(self) -> bool:
+        """Whether it violates free space as little as right poses do, or none can tell."""
+        return math.isnan(self.violation) or self.violation < UNKNOWN_VIOLATION
 
     def at(self, pose: Pose) -> "Candidate":
         """Return the candidate with its pose given between other frames."""

@@ -104,6 +104,11 @@ def judge(
         return Status.LOW_OVERLAP, (
             f"only {agreement}; the pose is likely wrong, or the scans overlap too little to tell"
         )
+    if is_chosen and not candidates[0].is_plausible:
+        return Status.LOW_OVERLAP, (
+            f"{agreement}, but {candidates[0].violation:.0%} of what each scan shows stands where "
+            "the other one looked through; the pose is likely wrong"
+        )
     if hold < _LEAST_HOLD:
         x, y, z = direction
         return Status.DEGENERATE, (

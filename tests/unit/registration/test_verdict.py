@@ -8,8 +8,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 from scanlock.registration.agreement import gaussian_overlap, score_correlation
+from scanlock.registration.candidate import Candidate
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import judge, weakest_direction
+from scanlock.registration.verdict import judge, second_best, weakest_direction
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
@@ -138,3 +139,31 @@ def test_walls_hold_across_and_slide_along(turn):
 def test_round_gaussians_hold_every_way():
     some = Gaussians(np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), np.full(4, 10))
     assert weakest_direction(some)[0] == 1.0
+
+
+def _candidate(overlap=0.8, score=0.5, violation=0.02):
+    return Candidate(Pose.identity(), "heading search", overlap, score, violation)
+
+
+@pytest.mark.parametrize(
+    ("candidates", "status", "reason"),
+    [
+        ([_candidate()], Status.OK, "40%"),
+        ([_candidate(overlap=0.2, score=0.2)], Status.LOW_OVERLAP, "only 40%"),
+        ([_candidate(violation=0.3)], Status.LOW_OVERLAP, "30% of what each scan shows"),
+        ([_candidate(), _candidate(score=0.1)], Status.OK, "40%"),
+        ([_candidate(), _candidate(score=0.4)], Status.AMBIGUOUS, "80% as well"),
+    ],
+)
+def test_candidates_are_judged_in_place_of_overlap_and_score(candidates, status, reason):
+    # 0.4 times 0.1 alone would be far too little.
+    found, sentence = judge(_solution(StopReason.STEP_SMALL), 0.4, 0.1, 1.0, _UP, candidates)
+    assert found is status
+    assert reason in sentence
+
+
+def test_the_second_best_is_a_share_of_the_best():
+    assert second_best([_candidate()]) == 0.0
+    assert second_best([_candidate(), _candidate(score=0.2)]) == pytest.approx(0.4)
+    assert np.isnan(second_best([]))
+    assert np.isnan(second_best([_candidate(score=0.0)]))
