@@ -71,7 +71,10 @@ class Traits:
 
 
 TRAITS: dict[str, Traits] = {
-    "auto": Traits(motions=FAR_MOTIONS, uses_ground=True, searches=True),
+    # Grids that lie a third of a cell apart along all axes turn into other grids, not each other.
+    "auto": Traits(
+        motions=FAR_MOTIONS, uses_ground=True, searches=True, half_turn_gap=0.5 * METRES
+    ),
     # D2D is stationary at identity and symmetric under exchange, exactly.
     "sgc-ndt-d2d": Traits(motions=FAR_MOTIONS, identity_gap=1e-9, is_symmetric=True),
     "sgc-ndt-p2d": Traits(motions=FAR_MOTIONS),
