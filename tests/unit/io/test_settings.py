@@ -127,7 +127,7 @@ def _mistake(line, table="", head='type = "SgcNdt"'):
         ('type = "Path"', r"mine: type must be one of .*SgcNdt.*, got 'Path'"),
         ('type = ["SgcNdt"]', r"mine: type must be one of .*, got \['SgcNdt'\]"),
         ('type = "sgcndt"', "; did you mean SgcNdt"),
-        ('method = "sgc-ndt"', "mine: method must be one of auto, sgc-ndt-d2d.*; did you mean sgc-ndt-"),
+        ('method = "sgc-ndt"', "mine: method must be one of auto, sgc.*; did you mean sgc-ndt-"),
         ("method = [1]", r"mine: method must be one of .*, got \[1\]"),
         ('method = "gicp"\ntype = "SgcNdt"', "mine: type repeats what method says"),
         (_mistake("spacings = 1"), "mine: spacings is no setting of SgcNdt, which has score, .*; "
