@@ -9,9 +9,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from scanlock.arrays import Matrix, Points, Vector, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import (
     InvalidInput,
     require_at_least,
@@ -22,14 +23,16 @@ from scanlock.errors import (
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments
 from scanlock.kernels.agreeing_sets import grown_sets, shared_neighbours
-from scanlock.kernels.compatibility import soft_overlap
-from scanlock.models.cluster_features import ClusterFeatures, PartKind
+from scanlock.kernels.compatibility import free_compatibility, level_compatibility, soft_overlap
+from scanlock.models.cluster_features import ClusterFeatures
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.compatibility import Matches, Tolerances, agreement_graphs
 from scanlock.registration.hypothesis import Hypothesis
 
 _STANCE_TOLERANCES = np.array([0.4, 0.3, 2.0, 3.0])
 """Of `ClusterFeatures.stances`; heights change with the slope of the ground."""
+
+_MOST_UNLIKE = 9.0
+"""Parts whose squared differences, in tolerances, sum to more are never matched."""
 
 _SOFTNESS = 1.5
 """Likeness falls off by this many tolerances when poses are compared: a wrong likeness costs a
@@ -46,6 +49,15 @@ _DISTINCT = (1.0, math.radians(5.0))
 """Poses nearer than this [m] and [rad] are one hypothesis."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Matches:
+    """Rows of target and source that may be the same part, and how alike all parts are."""
+
+    target: Labels
+    source: Labels
+    affinities: Matrix
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClusterMatcher:
     """Settings of the matching; `describe` each scan once, then `hypotheses` for any pair."""
@@ -53,19 +65,8 @@ class ClusterMatcher:
     nearest: int = 10
     """Two parts match if each is among this many of the other's most alike."""
 
-    nearest_free: int = 20
-    """The same where a scan is not level, as shapes alone tell parts apart less well."""
-
     most_matches: int = 1000
     """How many matches are compared with each other, the most alike; the cost is the square."""
-
-    most_thin: int = 600
-    """How many matches of thin parts are also compared on their own where a scan is not level:
-    what was not known to be ground falls into patches, all alike, that crowd out trunks."""
-
-    size_worth: float = 0.25
-    """What the logarithm of a part's size adds to its likeness, in squared tolerances, when
-    matches are chosen and a scan is not level: there are few large parts."""
 
     shape_tolerance: float = 0.4
     """Difference of the logarithms of deviations between two views of one part."""
@@ -101,10 +102,8 @@ class ClusterMatcher:
     """How many hypotheses, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("nearest", "nearest_free", "most_matches", "sets_a_grade", "most"):
+        for name in ("nearest", "most_matches", "sets_a_grade", "most"):
             require_count(name, getattr(self, name))
-        require_count("most_thin", self.most_thin, 0)
-        require_at_least("size_worth", self.size_worth, 0.0)
         for name, unit in (
             ("shape_tolerance", ""),
             ("distance_tolerance", "m"),
@@ -142,16 +141,19 @@ class ClusterMatcher:
         if len(target) == 0 or len(source) == 0:
             return []
         is_level = target.level_from_scan is not None and source.level_from_scan is not None
-        unlikeness = self._unlikeness(target, source, is_level)
-        affinities = read_only(np.exp(-0.5 / _SOFTNESS**2 * unlikeness))
+        matches = self._matches(target, source, is_level)
         found: list[tuple[float, Pose]] = []
-        for members in self._sets(target, source, unlikeness, is_level):
-            pose = _fitted(target.centres[members.target], source.centres[members.source], is_level)
+        for members in self._sets(target, source, matches, is_level):
+            pose = _fitted(
+                target.centres[matches.target[members]],
+                source.centres[matches.source[members]],
+                is_level,
+            )
             if pose is not None:
                 meeting = soft_overlap(
                     target.centres,
                     read_only(pose.apply(source.centres)),
-                    affinities,
+                    matches.affinities,
                     self.overlap_width,
                 )
                 found.append((meeting * math.sqrt(len(members)), pose))
@@ -161,20 +163,23 @@ class ClusterMatcher:
             for weight, pose in _distinct(found, self.most)
         ]
 
-    def _unlikeness(
+    def _matches(
         self, target: ClusterFeatures, source: ClusterFeatures, is_level: bool
-    ) -> Matrix:
-        """Return the (source, target) squared differences in tolerances, within each kind."""
+    ) -> _Matches:
+        """Return the mutual best matches within each kind, the most alike of them."""
+        source_descriptors = self._descriptors(source, is_level)
+        target_descriptors = self._descriptors(target, is_level)
         unlikeness = np.asarray(
-            cdist(
-                self._descriptors(source, is_level),
-                self._descriptors(target, is_level),
-                "sqeuclidean",
-            ),
-            dtype=np.float64,
+            cdist(source_descriptors, target_descriptors, "sqeuclidean"), dtype=np.float64
         )
         unlikeness[source.kinds[:, None] != target.kinds] = np.inf
-        return unlikeness
+        is_match = _mutually_near(unlikeness, self.nearest) & (unlikeness <= _MOST_UNLIKE)
+        rows, columns = np.nonzero(is_match)
+        if len(rows) > self.most_matches:
+            order = np.argsort(unlikeness[rows, columns], kind="stable")[: self.most_matches]
+            rows, columns = rows[order], columns[order]
+        affinities = np.exp(-0.5 / _SOFTNESS**2 * unlikeness)
+        return _Matches(columns, rows, read_only(affinities))
 
     def _descriptors(self, features: ClusterFeatures, is_level: bool) -> Matrix:
         shapes = features.shapes / self.shape_tolerance
@@ -183,43 +188,63 @@ class ClusterMatcher:
         return np.concatenate([shapes, features.stances / _STANCE_TOLERANCES], axis=1)
 
     def _sets(
-        self, target: ClusterFeatures, source: ClusterFeatures, unlikeness: Matrix, is_level: bool
-    ) -> list[Matches]:
+        self, target: ClusterFeatures, source: ClusterFeatures, matches: _Matches, is_level: bool
+    ) -> list[Labels]:
         """Return sets of matches that all agree with each other, from each grade."""
-        tolerances = Tolerances(
-            self.distance_tolerance,
-            self.slope_tolerance,
-            self.angle_tolerance,
-            self.least_distance,
-            self.slack,
-        )
-        sets: list[Matches] = []
-        for matches in self._choices(target, source, unlikeness, is_level):
-            for graph in agreement_graphs(
-                target, source, matches, tolerances, self.grades, is_level=is_level
-            ):
-                pairs, shared = shared_neighbours(read_only(graph))
-                order = np.argsort(-shared, kind="stable")
-                grown = grown_sets(
-                    read_only(graph), read_only(pairs[order]), self.sets_a_grade, _LARGEST_SET
-                )
-                sets += [matches.taken(row[row >= 0]) for row in grown]
+        sets: list[Labels] = []
+        for graph in self._graphs(target, source, matches, is_level):
+            pairs, shared = shared_neighbours(read_only(graph))
+            order = np.argsort(-shared, kind="stable")
+            grown = grown_sets(
+                read_only(graph), read_only(pairs[order]), self.sets_a_grade, _LARGEST_SET
+            )
+            sets += [row[row >= 0] for row in grown]
         return sets
 
-    def _choices(
-        self, target: ClusterFeatures, source: ClusterFeatures, unlikeness: Matrix, is_level: bool
-    ) -> list[Matches]:
-        """Return the choices of matches that are compared, each within itself."""
-        mutual = Matches.mutual(unlikeness, self.nearest if is_level else self.nearest_free)
-        values = unlikeness[mutual.source, mutual.target]
+    def _graphs(
+        self, target: ClusterFeatures, source: ClusterFeatures, matches: _Matches, is_level: bool
+    ) -> NDArray[np.uint64]:
+        at, of = matches.target, matches.source
+        tolerances = np.array(
+            [
+                self.distance_tolerance,
+                self.slope_tolerance,
+                self.angle_tolerance,
+                self.least_distance,
+            ]
+        )
+        grades = np.array(self.grades)
+        parts = (
+            read_only(target.centres[at]),
+            read_only(source.centres[of]),
+            read_only(self.slack * target.spreads[at]),
+            read_only(self.slack * source.spreads[of]),
+        )
         if is_level:
-            return [mutual.least(values, self.most_matches)]
-        sizes = target.shapes.sum(axis=1)[mutual.target] + source.shapes.sum(axis=1)[mutual.source]
-        is_thin = source.kinds[mutual.source] == PartKind.THIN
-        return [
-            mutual.least(values - self.size_worth * sizes, self.most_matches),
-            mutual.taken(is_thin).least(values[is_thin], self.most_thin),
-        ]
+            turns = _turns(target.headings[at], source.headings[of])
+            return level_compatibility(
+                *parts, read_only(turns), read_only(tolerances), read_only(grades)
+            )
+        axes = read_only(target.axes[at]), read_only(source.axes[of])
+        return free_compatibility(*parts, *axes, read_only(tolerances), read_only(grades))
+
+
+def _mutually_near(distances: Matrix, nearest: int) -> NDArray[np.bool_]:
+    """Tell which entries are among the `nearest` least of both their row and their column."""
+    least = [
+        np.partition(distances, min(nearest, distances.shape[axis]) - 1, axis=axis).take(
+            [min(nearest, distances.shape[axis]) - 1], axis=axis
+        )
+        for axis in (0, 1)
+    ]
+    return (distances <= least[0]) & (distances <= least[1])
+
+
+def _turns(target: Matrix, source: Matrix) -> Matrix:
+    """Return cosine and sine of twice the turns from source to target headings."""
+    cosines = (target * source).sum(axis=1)
+    sines = target[:, 1] * source[:, 0] - target[:, 0] * source[:, 1]
+    return np.stack([cosines, sines], axis=1)
 
 
 def _fitted(target: Points, source: Points, is_level: bool) -> Pose | None:
