@@ -1,7 +1,7 @@
 """The last stage: small cells of whole scans, ground included, Gaussian against Gaussian.
 
-Clusters hold a pose to centimetres, and leave height, roll and pitch weak. Cells of half a metre
-over everything that was seen are flat nearly everywhere, and thousands of flat Gaussians hold all
+Clusters hold a pose to centimetres, and leave height, roll and pitch weak. Cells of a metre over
+everything that was seen are flat nearly everywhere, and thousands of flat Gaussians hold all
 six directions to a millimetre, from a start within a cell or two.
 """
 
