@@ -28,9 +28,6 @@ _MOST_IN_DOUBT = 8
 """Hypotheses of the deeper search that are followed. The violation of a right one of simulated
 forests was a tenth of that of the next, among sixty."""
 
-_PARTS = 300
-"""Parts of a scan that a prior is weighed against; about those of a city street."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
@@ -150,7 +147,8 @@ class Auto:
             ended, steps = ends(target, source, initial, restraint)
             history += steps + tuple(step for one in ended for step in one.solution.history)
             rivals += [(judged(target, source, one), one.solution) for one in ended]
-            rivals.sort(key=lambda rival: self._standing(*rival, restraint), reverse=True)
+            count = len(source.parts[-1])
+            rivals.sort(key=lambda rival: self._standing(*rival, restraint, count), reverse=True)
             rivals = self._distinct(rivals)
             best = rivals[0][0] if rivals else None
             if best is not None and best.is_plausible and best.agreement >= self.doubt:
@@ -280,14 +278,14 @@ class Auto:
         return kept
 
     def _standing(
-        self, candidate: Candidate, solution: Solution, restraint: Restraint
+        self, candidate: Candidate, solution: Solution, restraint: Restraint, count: int
     ) -> tuple[bool, float]:
-        """Return how good a candidate is; the best is chosen."""
+        """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
         standing = candidate.agreement
         if candidate.maker == _INITIAL:
             standing *= self.loyalty
         if restraint.prior is not None:
             # As in the objectives, the prior is one observation beside those of the parts.
             belief = restraint.prior.linearise(candidate.target_from_source).value
-            standing -= belief / _PARTS
+            standing -= belief / max(1, count)
         return solution.reason is not StopReason.NO_SUPPORT, standing

@@ -1,6 +1,7 @@
 """A finished pose among those that a search had to choose from, and what speaks for it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from scanlock.geometry.pose import Pose
@@ -60,3 +61,14 @@ def plausibility(violation: float) -> float:
     Cars that moved are few, and walls in the open many.
     """
     return 1.0 if math.isnan(violation) else 1.0 / (1.0 + violation / UNKNOWN_VIOLATION)
+
+
+def second_best(candidates: Sequence[Candidate]) -> float:
+    """Return the agreement of the best rival of the first candidate as a share of its own.
+
+    0 where there is no rival; NaN where nothing was judged.
+    """
+    if not candidates or candidates[0].agreement <= 0.0:
+        return math.nan
+    rivals = [one.agreement for one in candidates[1:]]
+    return max(rivals, default=0.0) / candidates[0].agreement

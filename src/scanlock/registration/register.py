@@ -17,7 +17,7 @@ from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
 from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
-from scanlock.registration.verdict import judge, second_best, weakest_direction
+from scanlock.registration.verdict import judge, weakest_direction
 
 
 def register(
@@ -106,7 +106,6 @@ def register(
         caller_pose(solution.pose, *clouds), status, reason, name, overlap, score,
         solution.history, clock.seconds, (*notes, *solution.notes),
         tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
-        second_best(found.candidates),
     )  # fmt: skip
 
 

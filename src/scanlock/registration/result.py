@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from scanlock.geometry.pose import Pose
-from scanlock.registration.candidate import Candidate
+from scanlock.registration.candidate import Candidate, second_best
 from scanlock.solvers.solution import Iteration
 
 
@@ -67,9 +67,6 @@ class Registration:
     candidates : tuple of Candidate
         The finished poses that a method which searches had to choose from, the chosen one first;
         empty for other methods.
-    second_best : float
-        Agreement of the best of them that lies elsewhere as a share of the chosen one's: 0 where
-        none was left at the end, near 1 for a toss-up; NaN for methods that do not search.
     """
 
     target_from_source: Pose
@@ -82,7 +79,6 @@ class Registration:
     timings: Mapping[str, float]
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
-    second_best: float = math.nan
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -96,6 +92,14 @@ class Registration:
     def iterations(self) -> int:
         """Evaluations of the objective over all scales."""
         return len(self.history)
+
+    @property
+    def second_best(self) -> float:
+        """Agreement of the best rival as a share of the chosen pose's.
+
+        0 where none was left at the end, near 1 for a toss-up; NaN for methods that do not search.
+        """
+        return second_best(self.candidates)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, ready for JSON; NaN becomes None."""
@@ -148,7 +152,6 @@ class Registration:
             dict(self.timings),
             self.notes,
             self.candidates,
-            self.second_best,
         )
 
 

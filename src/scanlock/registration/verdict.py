@@ -7,7 +7,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.candidate import Candidate
+from scanlock.registration.candidate import Candidate, second_best
 from scanlock.registration.result import Status
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
@@ -39,17 +39,6 @@ ones, up to 30 m apart, 3 % had less than this.
 _MOST_RIVALRY = 0.45
 """A rival that agrees this share as well as the pose chosen makes it a toss-up. The right poses
 above had rivals of up to 0.33."""
-
-
-def second_best(candidates: Sequence[Candidate]) -> float:
-    """Return the agreement of the best rival of the first candidate as a share of its own.
-
-    0 where there is no rival; NaN where nothing was judged.
-    """
-    if not candidates or candidates[0].agreement <= 0.0:
-        return math.nan
-    rivals = [one.agreement for one in candidates[1:]]
-    return max(rivals, default=0.0) / candidates[0].agreement
 
 
 def weakest_direction(gaussians: Gaussians) -> tuple[float, Vector]:

@@ -8,9 +8,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 from scanlock.registration.agreement import gaussian_overlap, score_correlation
-from scanlock.registration.candidate import Candidate
+from scanlock.registration.candidate import Candidate, second_best
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import judge, second_best, weakest_direction
+from scanlock.registration.verdict import judge, weakest_direction
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
