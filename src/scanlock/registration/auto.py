@@ -16,7 +16,7 @@ from scanlock.registration.cluster_matching import ClusterMatcher
 from scanlock.registration.descents import Descent, Descents
 from scanlock.registration.fine_stage import FineStage
 from scanlock.registration.heading_search import HeadingSearch
-from scanlock.registration.hypothesis import Hypothesis
+from scanlock.registration.hypothesis import Hypothesis, distinct
 from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.registration.stages import StageClock
 from scanlock.solvers.solution import Iteration, Solution
@@ -149,7 +149,8 @@ class Auto:
             rivals += [(judged(target, source, one), one.solution) for one in ended]
             count = len(source.parts[-1])
             rivals.sort(key=lambda rival: self._standing(*rival, restraint, count), reverse=True)
-            rivals = self._distinct(rivals)
+            poses = [candidate.target_from_source for candidate, _ in rivals]
+            rivals = [rivals[row] for row in distinct(poses, *self.descents.apart)]
             best = rivals[0][0] if rivals else None
             if best is not None and best.is_plausible and best.agreement >= self.doubt:
                 break
@@ -265,17 +266,6 @@ class Auto:
             if solution.reason is StopReason.NO_SUPPORT
             else replace(descent, solution=solution)
         )
-
-    def _distinct(
-        self, rivals: list[tuple[Candidate, Solution]]
-    ) -> list[tuple[Candidate, Solution]]:
-        """Return the rivals less those that ended beside a better one."""
-        kept: list[tuple[Candidate, Solution]] = []
-        for rival in rivals:
-            pose = rival[0].target_from_source
-            if all(self.descents.are_apart(pose, one.target_from_source) for one, _ in kept):
-                kept.append(rival)
-        return kept
 
     def _standing(
         self, candidate: Candidate, solution: Solution, restraint: Restraint, count: int

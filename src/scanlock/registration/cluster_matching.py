@@ -26,7 +26,7 @@ from scanlock.kernels.agreeing_sets import grown_sets, shared_neighbours
 from scanlock.kernels.compatibility import free_compatibility, level_compatibility, soft_overlap
 from scanlock.models.cluster_features import ClusterFeatures
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.hypothesis import Hypothesis
+from scanlock.registration.hypothesis import Hypothesis, distinct
 
 _STANCE_TOLERANCES = np.array([0.4, 0.3, 2.0, 3.0])
 """Of `ClusterFeatures.stances`; heights change with the slope of the ground."""
@@ -158,9 +158,10 @@ class ClusterMatcher:
                 )
                 found.append((meeting * math.sqrt(len(members)), pose))
         found.sort(key=lambda one: one[0], reverse=True)
+        rows = distinct([pose for _, pose in found], *_DISTINCT)[: self.most]
         return [
             Hypothesis(_between_scans(target, source, pose), weight, "cluster matching")
-            for weight, pose in _distinct(found, self.most)
+            for weight, pose in (found[row] for row in rows)
         ]
 
     def _matches(
@@ -262,15 +263,3 @@ def _between_scans(target: ClusterFeatures, source: ClusterFeatures, pose: Pose)
     if target.level_from_scan is not None:
         pose = target.level_from_scan.inverse() @ pose
     return pose if source.level_from_scan is None else pose @ source.level_from_scan
-
-
-def _distinct(found: list[tuple[float, Pose]], most: int) -> list[tuple[float, Pose]]:
-    """Return the first of all that lie near each other, `most` of them."""
-    kept: list[tuple[float, Pose]] = []
-    metres, radians = _DISTINCT
-    for weight, pose in found:
-        if len(kept) == most:
-            break
-        if not any(pose.is_close(k, translation=metres, rotation=radians) for _, k in kept):
-            kept.append((weight, pose))
-    return kept

@@ -9,7 +9,7 @@ from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.objectives.restraint import Restraint
 from scanlock.registration.coarse_to_fine import Scale
-from scanlock.registration.hypothesis import Hypothesis
+from scanlock.registration.hypothesis import Hypothesis, distinct
 from scanlock.registration.in_turn import loosened
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Iteration, Solution
@@ -120,15 +120,11 @@ class Descents:
             if one.solution.reason is not StopReason.NO_SUPPORT
         ]
         scored.sort(key=lambda pair: pair[0], reverse=True)
-        kept: list[Descent] = []
-        for score, one in scored:
-            if kept and (score < self.least_share * scored[0][0] or len(kept) == self.most):
-                break
-            if all(self.are_apart(one.solution.pose, other.solution.pose) for other in kept):
-                kept.append(one)
-        return kept
-
-    def are_apart(self, one: Pose, other: Pose) -> bool:
-        """Return whether two poses are two."""
-        metres, radians = one.distance(other)
-        return metres > self.apart[0] or radians > self.apart[1]
+        # A prior far away can make all scores negative; the best goes on all the same.
+        good = [
+            one
+            for rank, (score, one) in enumerate(scored)
+            if rank == 0 or score >= self.least_share * scored[0][0]
+        ]
+        rows = distinct([one.solution.pose for one in good], *self.apart)
+        return [good[row] for row in rows[: self.most]]

@@ -1,5 +1,6 @@
 """A guess at the pose between two scans, before anything is minimised."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scanlock.geometry.pose import Pose
@@ -22,3 +23,15 @@ class Hypothesis:
     pose: Pose
     weight: float
     maker: str
+
+
+def distinct(poses: Sequence[Pose], metres: float, radians: float) -> list[int]:
+    """Return the rows of the poses that lie apart from every one kept before them.
+
+    Two poses lie apart beyond either distance [m, rad].
+    """
+    kept: list[int] = []
+    for row, pose in enumerate(poses):
+        if not any(pose.is_close(poses[one], translation=metres, rotation=radians) for one in kept):
+            kept.append(row)
+    return kept

@@ -3,7 +3,7 @@ import pytest
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
-from scanlock.objectives.restraint import FREE
+from scanlock.objectives.restraint import FREE, PosePrior, Restraint
 from scanlock.registration.coarse_to_fine import Scale
 from scanlock.registration.descents import Descents
 from scanlock.registration.hypothesis import Hypothesis
@@ -54,6 +54,15 @@ def test_what_is_implausible_is_given_up():
 
     ended, _ = _follow([_WRONG, _NEAR], plausibility)
     assert [one.maker for one in ended] == [_WRONG.maker]
+
+
+def test_a_prior_that_outweighs_the_scans_leaves_the_best():
+    believed = PosePrior.from_deviations(yaw_pose(0.0, (0.0, 0.0, 9.0)) @ _TRUTH, 0.3, 0.1)
+    # The height is locked, so that no descent can give in to it.
+    restraint = Restraint(dof="xy+yaw", prior=believed)
+    ended, _ = Descents().follow(_TARGET, _SOURCE, [_NEAR], restraint, lambda pose: 1.0)
+    assert len(ended) == 1
+    assert ended[0].solution.quadratic.value > 0.0
 
 
 def test_where_nothing_meets_nothing_ends():
