@@ -7,6 +7,9 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
+_BLOCK = 256
+"""Points whose coordinates are taken apart at a time, for the sake of vector units."""
+
 
 @kernel
 def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
@@ -15,27 +18,30 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Lab
     Of equally low points the one nearer the origin, then the one of smaller x, then of smaller y
     is taken, so that the order of the rows does not matter.
     """
-    lowest = np.full(cell_count, -1, np.int64)
     count = np.zeros(cell_count, np.int64)
     floor = np.full(cell_count, math.inf, np.float64)
     for i in range(points.shape[0]):
-        c = cells[i]
-        if c < 0:
+        if cells[i] >= 0:
+            c = np.uint64(cells[i])
+            count[c] += 1
+            floor[c] = min(floor[c], points[i, 2])
+    # Rows are looked for afterwards: minima alone need no branch that is hard to foretell.
+    lowest = np.full(cell_count, -1, np.int64)
+    for i in range(points.shape[0]):
+        if cells[i] < 0 or points[i, 2] != floor[np.uint64(cells[i])]:
             continue
-        count[c] += 1
-        z = points[i, 2]
-        if z < floor[c]:
-            floor[c] = z
+        c = cells[i]
+        j = lowest[c]
+        if j < 0:
             lowest[c] = i
-        elif z == floor[c]:
-            j = lowest[c]
-            xi = points[i, 0]
-            yi = points[i, 1]
-            xj = points[j, 0]
-            yj = points[j, 1]
-            lead = xj * xj + yj * yj - xi * xi - yi * yi
-            if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
-                lowest[c] = i
+            continue
+        xi = points[i, 0]
+        yi = points[i, 1]
+        xj = points[j, 0]
+        yj = points[j, 1]
+        lead = xj * xj + yj * yj - xi * xi - yi * yi
+        if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
+            lowest[c] = i
     return lowest, count
 
 
@@ -79,49 +85,57 @@ def count_low_points(
         if i >= 0:
             floor[k] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
     for i in range(points.shape[0]):
-        k = cells[i]
-        if k < 0:
+        if cells[i] < 0:
             continue
+        k = np.uint64(cells[i])
         rise = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - floor[k]
-        if rise < reach * near[k]:
-            within[k] += 1
-            if rise < near[k]:
-                close[k] += 1
+        within[k] += rise < reach * near[k]
+        close[k] += rise < near[k]
     return close, within
 
 
 @kernel
-def heights_above_knots(
-    points: Points,
-    cells: Labels,
-    plane: Vector,
-    knot_range: Vector,
-    knot_height: Vector,
-    slope_in: Vector,
-    slope_out: Vector,
-) -> Vector:
-    """Return the height of each point above a piecewise linear model; NaN where there is none.
-
-    `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
-    has one knot, the modelled height above that plane at one range, and the slopes with which
-    the model leaves the knot inwards and outwards. A NaN `knot_height` means no model.
-    """
-    n = points.shape[0]
-    height = np.empty(n, np.float64)
+def _heights_and_ranges(
+    x: Vector, y: Vector, z: Vector, plane: Vector, heights: Vector, ranges: Vector
+) -> None:
+    """Write the height of each point above a plane and its horizontal range."""
     a = plane[0]
     b = plane[1]
     c = plane[2]
     d = plane[3]
-    for i in range(n):
-        k = cells[i]
-        if k < 0:
-            height[i] = math.nan
-            continue
-        x = points[i, 0]
-        y = points[i, 1]
-        step = math.sqrt(x * x + y * y) - knot_range[k]
-        slope = slope_in[k] if step < 0.0 else slope_out[k]
-        height[i] = a * x + b * y + c * points[i, 2] + d - knot_height[k] - slope * step
+    for i in range(x.shape[0]):
+        heights[i] = a * x[i] + b * y[i] + c * z[i] + d
+        ranges[i] = math.sqrt(x[i] * x[i] + y[i] * y[i])
+
+
+@kernel
+def heights_above_knots(points: Points, cells: Labels, plane: Vector, knots: Matrix) -> Vector:
+    """Return the height of each point above a piecewise linear model; NaN where there is none.
+
+    `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
+    has one knot, a row of `knots`: a range, the modelled height above that plane there, and the
+    slopes with which the model leaves the knot inwards and outwards. NaN means no model.
+    """
+    n = points.shape[0]
+    height = np.empty(n, np.float64)
+    x = np.zeros(_BLOCK, np.float64)
+    y = np.zeros(_BLOCK, np.float64)
+    z = np.zeros(_BLOCK, np.float64)
+    heights = np.empty(_BLOCK, np.float64)
+    ranges = np.empty(_BLOCK, np.float64)
+    for start in range(0, n, _BLOCK):
+        count = min(_BLOCK, n - start)
+        for i in range(count):
+            x[i] = points[start + i, 0]
+            y[i] = points[start + i, 1]
+            z[i] = points[start + i, 2]
+        _heights_and_ranges(x, y, z, plane, heights, ranges)
+        for i in range(count):
+            k = np.uint64(max(cells[start + i], 0))
+            step = ranges[i] - knots[k, 0]
+            slope = knots[k, 2] if step < 0.0 else knots[k, 3]
+            above = heights[i] - knots[k, 1] - slope * step
+            height[start + i] = above if cells[start + i] >= 0 else math.nan
     return height
 
 

@@ -68,11 +68,13 @@ def heights_above_model(
         slopes = np.diff(modelled) / np.maximum(np.diff(prototypes.ranges), _LEAST_STEP)
     slopes[prototypes.starts[1:-1][_inner(prototypes)] - 1] = np.nan
     slopes = np.nan_to_num(np.concatenate([[0.0], slopes, [0.0]]))
-    knots = np.full((4, len(prototypes.lowest)), np.nan)
-    knots[:, prototypes.cells] = prototypes.ranges, modelled, slopes[:-1], slopes[1:]
+    knots = np.full((len(prototypes.lowest), 4), np.nan)
+    knots[prototypes.cells] = np.stack(
+        [prototypes.ranges, modelled, slopes[:-1], slopes[1:]], axis=1
+    )
     frozen(knots)
     return heights_above_knots(
-        read_only(points), prototypes.cell_of_point, plane.coefficients, *knots
+        read_only(points), prototypes.cell_of_point, plane.coefficients, knots
     )
 
 

@@ -49,15 +49,9 @@ def published_heights(
 
 
 def _above(points: Points, prototypes: Prototypes, accepted: Mask) -> Vector:
-    level = np.full(len(prototypes.lowest), np.nan)
-    level[prototypes.cells[accepted]] = prototypes.points[accepted, 2]
-    flat = read_only(np.zeros(len(prototypes.lowest)))
+    knots = np.zeros((len(prototypes.lowest), 4))
+    knots[:, 1] = np.nan
+    knots[prototypes.cells[accepted], 1] = prototypes.points[accepted, 2]
     return heights_above_knots(
-        read_only(points),
-        prototypes.cell_of_point,
-        read_only(_UPWARDS),
-        flat,
-        read_only(level),
-        flat,
-        flat,
+        read_only(points), prototypes.cell_of_point, read_only(_UPWARDS), read_only(knots)
     )

@@ -66,7 +66,7 @@ def test_heights_above_knots_are_broken_lines():
     knots[1, ::5] = np.nan
     plane = np.array([0.1, 0.0, 0.9, -0.4])
     height = passes.heights_above_knots(
-        points, cells, read_only(plane), *(read_only(row) for row in knots)
+        points, cells, read_only(plane), read_only(knots.T)
     )
     for point, cell, found in zip(points, cells, height, strict=True):
         if cell < 0 or np.isnan(knots[1, cell]):
