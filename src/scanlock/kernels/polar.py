@@ -99,7 +99,7 @@ def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
     """
     n = points.shape[0]
     bins = edges.shape[0] - 1
-    limit = edges[bins]
+    limit = float(edges[bins])
     # Half the first bin, so that a step has one edge at most for all the rounding.
     step = 0.5 * (edges[1] - edges[0])
     borders, first_sector = _sector_table(sectors)

@@ -65,9 +65,7 @@ def test_heights_above_knots_are_broken_lines():
     knots[0] = rng.uniform(0, 30, knots.shape[1])
     knots[1, ::5] = np.nan
     plane = np.array([0.1, 0.0, 0.9, -0.4])
-    height = passes.heights_above_knots(
-        points, cells, read_only(plane), read_only(knots.T)
-    )
+    height = passes.heights_above_knots(points, cells, read_only(plane), read_only(knots.T))
     for point, cell, found in zip(points, cells, height, strict=True):
         if cell < 0 or np.isnan(knots[1, cell]):
             assert np.isnan(found)
@@ -87,6 +85,24 @@ def test_split_by_height():
     assert on.tolist() == [True, False, True, False, False, False, False, False]
     assert below.tolist() == [False, False, False, False, True, False, False, True]
     assert (near, close) == (5, 3)
+
+
+@pytest.mark.parametrize("zero_is_place", [False, True])
+def test_what_stands_is_neither_ground_nor_below_nor_at_zero(zero_is_place):
+    points = np.array([[0.0, 0, 0], [0.0, 0, 1], [3.0, 0, 0], [0.0, 2, 0], [1.0, 1, 1]])
+    ground = np.array([False, False, True, False, False])
+    below = np.array([False, False, False, True, False])
+    stands = passes.standing(read_only(points), read_only(ground), read_only(below), zero_is_place)
+    assert stands.tolist() == [zero_is_place, True, False, False, True]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_chosen_points(share):
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(40, 3))
+    mask = rng.random(40) < share
+    chosen = passes.chosen_points(read_only(points), read_only(mask))
+    np.testing.assert_array_equal(chosen, points[mask])
 
 
 def test_turned_points():
@@ -194,6 +210,7 @@ def test_one_compiled_form_serves_all():
     for kernel in (
         passes.lowest_in_cells, passes.count_low_points,
         passes.heights_above_knots, passes.split_by_height, passes.turned_points,
+        passes.standing, passes.chosen_points,
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel
