@@ -7,9 +7,6 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
-_BLOCK = 256
-"""Points whose coordinates are taken apart at a time, for the sake of vector units."""
-
 
 @kernel
 def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
@@ -95,73 +92,50 @@ def count_low_points(
 
 
 @kernel
-def _heights_and_ranges(
-    x: Vector, y: Vector, z: Vector, plane: Vector, heights: Vector, ranges: Vector
-) -> None:
-    """Write the height of each point above a plane and its horizontal range."""
+def split_by_knots(
+    points: Points, cells: Labels, plane: Vector, knots: Matrix, limit: float
+) -> tuple[Vector, Mask, Mask, int, int]:
+    """Return heights above a piecewise linear model, and which points are on it and below it.
+
+    `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
+    has one knot, a row of `knots`: a range, the modelled height above that plane there, the
+    slopes with which the model leaves the knot inwards and outwards, and how close to the model
+    a point of the cell is ground. NaN means no model.
+
+    Returns
+    -------
+    height : (n,)
+        NaN where there is no model; such a point is none of the following.
+    is_ground, is_below : (n,)
+        Within the limit of its cell, and within `limit`; under ``-limit``.
+    near, close : int
+        Points within three and one `limit`.
+    """
+    n = points.shape[0]
+    height = np.empty(n, np.float64)
+    is_ground = np.empty(n, np.bool_)
+    is_below = np.empty(n, np.bool_)
+    near = 0
+    close = 0
     a = plane[0]
     b = plane[1]
     c = plane[2]
     d = plane[3]
-    for i in range(x.shape[0]):
-        heights[i] = a * x[i] + b * y[i] + c * z[i] + d
-        ranges[i] = math.sqrt(x[i] * x[i] + y[i] * y[i])
-
-
-@kernel
-def heights_above_knots(points: Points, cells: Labels, plane: Vector, knots: Matrix) -> Vector:
-    """Return the height of each point above a piecewise linear model; NaN where there is none.
-
-    `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
-    has one knot, a row of `knots`: a range, the modelled height above that plane there, and the
-    slopes with which the model leaves the knot inwards and outwards. NaN means no model.
-    """
-    n = points.shape[0]
-    height = np.empty(n, np.float64)
-    x = np.zeros(_BLOCK, np.float64)
-    y = np.zeros(_BLOCK, np.float64)
-    z = np.zeros(_BLOCK, np.float64)
-    heights = np.empty(_BLOCK, np.float64)
-    ranges = np.empty(_BLOCK, np.float64)
-    for start in range(0, n, _BLOCK):
-        count = min(_BLOCK, n - start)
-        for i in range(count):
-            x[i] = points[start + i, 0]
-            y[i] = points[start + i, 1]
-            z[i] = points[start + i, 2]
-        _heights_and_ranges(x, y, z, plane, heights, ranges)
-        for i in range(count):
-            k = np.uint64(max(cells[start + i], 0))
-            step = ranges[i] - knots[k, 0]
-            slope = knots[k, 2] if step < 0.0 else knots[k, 3]
-            above = heights[i] - knots[k, 1] - slope * step
-            height[start + i] = above if cells[start + i] >= 0 else math.nan
-    return height
-
-
-@kernel
-def split_by_height(
-    height: Vector, cells: Labels, limits: Vector, limit: float
-) -> tuple[Mask, Mask, int, int]:
-    """Return which heights are on the ground, which below it, and how many near and close to it.
-
-    On the ground is within ``limits[c]`` of zero in cell c, below it under ``-limit``; near and
-    close are within three and one `limit`. NaN is none of these.
-    """
-    n = height.shape[0]
-    within = np.zeros(n, np.bool_)
-    below = np.zeros(n, np.bool_)
-    near = 0
-    close = 0
     for i in range(n):
-        h = height[i]
-        if abs(h) < 3.0 * limit:
-            near += 1
-        if abs(h) < limit:
-            close += 1
-            within[i] = abs(h) < limits[cells[i]]
-        below[i] = h <= -limit
-    return within, below, near, close
+        k = np.uint64(max(cells[i], 0))
+        x = points[i, 0]
+        y = points[i, 1]
+        step = math.sqrt(x * x + y * y) - knots[k, 0]
+        # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
+        model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
+        h = a * x + b * y + c * points[i, 2] + d - model
+        h = h if cells[i] >= 0 else math.nan
+        height[i] = h
+        near += abs(h) < 3.0 * limit
+        close += abs(h) < limit
+        is_ground[i] = abs(h) < min(limit, knots[k, 4])
+        is_below[i] = h <= -limit
+    return height, is_ground, is_below, near, close
 
 
 @kernel
