@@ -7,6 +7,9 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
+_BLOCK = 256
+"""Points that are looked at together; what is known of them stays in the cache."""
+
 
 @kernel
 def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
@@ -92,6 +95,25 @@ def count_low_points(
 
 
 @kernel
+def _split_by_height(
+    height: Vector, limits: Vector, limit: float, is_ground: Mask, is_below: Mask
+) -> tuple[int, int]:
+    """Write which heights are on the ground and below it; see `split_by_knots`.
+
+    Apart from where heights come from, loops this simple use vector units.
+    """
+    near = 0
+    close = 0
+    for i in range(height.shape[0]):
+        near += abs(height[i]) < 3.0 * limit
+        close += abs(height[i]) < limit
+    for i in range(height.shape[0]):
+        is_ground[i] = abs(height[i]) < limits[i]
+        is_below[i] = height[i] <= -limit
+    return near, close
+
+
+@kernel
 def split_by_knots(
     points: Points, cells: Labels, plane: Vector, knots: Matrix, limit: float
 ) -> tuple[Vector, Mask, Mask, int, int]:
@@ -121,20 +143,24 @@ def split_by_knots(
     b = plane[1]
     c = plane[2]
     d = plane[3]
-    for i in range(n):
-        k = np.uint64(max(cells[i], 0))
-        x = points[i, 0]
-        y = points[i, 1]
-        step = math.sqrt(x * x + y * y) - knots[k, 0]
-        # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
-        model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
-        h = a * x + b * y + c * points[i, 2] + d - model
-        h = h if cells[i] >= 0 else math.nan
-        height[i] = h
-        near += abs(h) < 3.0 * limit
-        close += abs(h) < limit
-        is_ground[i] = abs(h) < min(limit, knots[k, 4])
-        is_below[i] = h <= -limit
+    limits = np.empty(_BLOCK, np.float64)
+    for start in range(0, n, _BLOCK):
+        count = min(_BLOCK, n - start)
+        for i in range(count):
+            cell = cells[start + i]
+            k = np.uint64(max(cell, 0))
+            x = points[start + i, 0]
+            y = points[start + i, 1]
+            step = math.sqrt(x * x + y * y) - knots[k, 0]
+            # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
+            model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
+            h = a * x + b * y + c * points[start + i, 2] + d - model
+            height[start + i] = h if cell >= 0 else math.nan
+            limits[i] = min(limit, knots[k, 4])
+        own = slice(start, start + count)
+        both = _split_by_height(height[own], limits, limit, is_ground[own], is_below[own])
+        near += both[0]
+        close += both[1]
     return height, is_ground, is_below, near, close
 
 
