@@ -162,35 +162,3 @@ def split_by_knots(
         near += both[0]
         close += both[1]
     return height, is_ground, is_below, near, close
-
-
-@kernel
-def standing(points: Points, is_ground: Mask, is_below: Mask, zero_is_place: bool) -> Mask:
-    """Return which points are neither ground nor below it, nor, if that is no place, at zero."""
-    n = points.shape[0]
-    stands = np.empty(n, np.bool_)
-    for i in range(n):
-        stands[i] = not (is_ground[i] or is_below[i])
-    if not zero_is_place:
-        for i in range(n):
-            if points[i, 0] == 0.0 and points[i, 1] == 0.0 and points[i, 2] == 0.0:
-                stands[i] = False
-    return stands
-
-
-@kernel
-def chosen_points(points: Points, is_chosen: Mask) -> Points:
-    """Return the (m, 3) points for which the mask holds, in order."""
-    count = 0
-    for i in range(points.shape[0]):
-        count += is_chosen[i]
-    # One row more, for the last points when none of them is chosen: each is written where the
-    # next chosen one belongs, and only a chosen one stays. That leaves no branch to guess.
-    chosen = np.empty((count + 1, 3), np.float64)
-    place = np.uint64(0)
-    for i in range(points.shape[0]):
-        chosen[place, 0] = points[i, 0]
-        chosen[place, 1] = points[i, 1]
-        chosen[place, 2] = points[i, 2]
-        place += np.uint64(is_chosen[i])
-    return chosen[:count]

@@ -17,7 +17,7 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import require_at_least, require_fraction, require_positive
 from scanlock.kernels.cutting import cut_by_extent
 from scanlock.kernels.grouping import joined_groups, occupied_cells, touching_cells
-from scanlock.models.gaussians import Gaussians, unpacked
+from scanlock.models.gaussians import Gaussians
 
 
 class MergeTest(Protocol):
@@ -97,7 +97,7 @@ class GaussianFit:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
         a, b = bins.taken(first), bins.taken(second)
         share = (a.counts / (a.counts + b.counts))[:, None, None]
-        pooled = Gaussians(
+        pooled = Gaussians.from_covariances(
             a.means, share * a.covariances + (1.0 - share) * b.covariances, a.counts
         ).floored(self.deviation_floor)
         squared = _squared_mahalanobis(a.means - b.means, pooled.covariances)
@@ -178,7 +178,7 @@ class ClusterFinder:
             np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.least_count))
             for scale in range(len(radii))
         ]
-        return [Gaussians(moments[k, :3], unpacked(moments[k, 3:]), sizes[k]) for k in kept]
+        return [Gaussians(moments[k, :3], moments[k, 3:], sizes[k]) for k in kept]
 
 
 def _cut(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.ground import chosen_points, standing
+from scanlock.kernels.rows import chosen_points, is_off_zero
 from scanlock.models.clusters import ClusterFinder
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
 
@@ -93,9 +93,10 @@ def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
     A point at exactly (0, 0, 0) of a sensor's frame is no place but a driver's word for "no
     return"; thousands of them would make the heaviest cluster of all, at the sensor.
     """
-    return standing(
-        cloud.points, ground.is_ground, ground.is_below, zero_is_place=bool(cloud.origin.any())
-    )
+    standing = ~(ground.is_ground | ground.is_below)
+    if not cloud.origin.any():
+        standing &= is_off_zero(cloud.points)
+    return standing
 
 
 def obstacle_points(cloud: PointCloud, ground: Ground) -> Points:

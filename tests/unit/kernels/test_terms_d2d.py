@@ -45,7 +45,7 @@ def _terms(
 
 
 def _one(mean, variance):
-    return Gaussians(np.array([mean]), variance * np.eye(3)[None], np.array([1]))
+    return Gaussians.from_covariances(np.array([mean]), variance * np.eye(3)[None], np.array([1]))
 
 
 @pytest.mark.parametrize("sharpness", [1.0, 0.3])

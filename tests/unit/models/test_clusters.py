@@ -38,7 +38,9 @@ def _heaps(seed, count=60, each=8):
 
 
 def _one(mean, covariance, count=10):
-    return Gaussians(np.array([mean], float), np.array([covariance], float), np.array([count]))
+    return Gaussians.from_covariances(
+        np.array([mean], float), np.array([covariance], float), np.array([count])
+    )
 
 
 def _merges(test, first, second):

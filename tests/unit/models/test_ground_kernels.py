@@ -83,24 +83,6 @@ def test_heights_above_knots_are_broken_lines():
     assert 0 < is_ground.sum() < close < near
 
 
-@pytest.mark.parametrize("zero_is_place", [False, True])
-def test_what_stands_is_neither_ground_nor_below_nor_at_zero(zero_is_place):
-    points = np.array([[0.0, 0, 0], [0.0, 0, 1], [3.0, 0, 0], [0.0, 2, 0], [1.0, 1, 1]])
-    ground = np.array([False, False, True, False, False])
-    below = np.array([False, False, False, True, False])
-    stands = passes.standing(read_only(points), read_only(ground), read_only(below), zero_is_place)
-    assert stands.tolist() == [zero_is_place, True, False, False, True]
-
-
-@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_chosen_points(share):
-    rng = np.random.default_rng(0)
-    points = rng.normal(size=(40, 3))
-    mask = rng.random(40) < share
-    chosen = passes.chosen_points(read_only(points), read_only(mask))
-    np.testing.assert_array_equal(chosen, points[mask])
-
-
 def test_turned_points():
     points = _hills(0, 50)
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
@@ -206,7 +188,7 @@ def test_one_compiled_form_serves_all():
     for kernel in (
         passes.lowest_in_cells, passes.count_low_points,
         passes.split_by_knots, passes.turned_points,
-        passes.standing, passes.chosen_points,
+
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel
