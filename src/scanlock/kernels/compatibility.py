@@ -47,7 +47,9 @@ def level_compatibility(
     m = target.shape[0]
     graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
     places = np.zeros((2, 3, m))
-    places[0, :2], places[1, :2] = target[:, :2].T, source[:, :2].T
+    for row in range(m):
+        for axis in range(2):
+            places[0, axis, row], places[1, axis, row] = target[row, axis], source[row, axis]
     room = _room(target_slack, source_slack, tolerances[0])
     rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
