@@ -14,7 +14,6 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import require_count
 from scanlock.kernels.cells import rows_within
 from scanlock.kernels.tiles import tile_lists
-from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians
 
 Lists = tuple[Labels, Labels, Labels]
@@ -75,35 +74,6 @@ class Tiles:
         columns, rows = (int(count) for count in np.floor((high - low) / width) + 1)
         starts, members = tile_lists(means, radii, low, width, columns, rows)
         return cls(read_only(starts), read_only(members), low, width, columns, rows)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TargetsInReach:
-    """The targets that can score with any source at a place, and few that cannot.
-
-    As good as `EveryTarget` and faster for thousands: a pair is out of reach when its means are
-    farther apart than the window allows for the largest variances of either, which no rotation
-    changes.
-    """
-
-    tiles: Tiles
-
-    @classmethod
-    def of(cls, target: Gaussians, source: Gaussians, window_end: float) -> "TargetsInReach":
-        """Return the rule for pairs that score nothing from a squared distance on."""
-        radii = np.sqrt(window_end * (target.widths + source.widths.max()))
-        # Tiles much smaller than what reaches them repeat their lists.
-        return cls(Tiles.of(target.means, radii, max(_TILE_WIDTH, 0.5 * float(np.median(radii)))))
-
-    def at(self, places: Points) -> Lists:
-        """Return the list of the tile of each place."""
-        tiles = self.tiles
-        steps = np.floor((places[:, :2] - tiles.corner) / tiles.width)
-        inside = (steps >= 0.0).all(axis=1) & (steps < (tiles.columns, tiles.rows)).all(axis=1)
-        lists = np.full(len(places), -1, np.int64)
-        column, row = steps[inside].astype(np.int64).T
-        lists[inside] = row * tiles.columns + column
-        return read_only(lists), tiles.starts, tiles.members
 
 
 @dataclass(frozen=True, slots=True, eq=False)

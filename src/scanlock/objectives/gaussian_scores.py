@@ -1,6 +1,7 @@
 """The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -9,13 +10,15 @@ import numpy as np
 from scanlock.arrays import Points
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import d2d_terms, p2d_terms
+from scanlock.kernels.d2d import d2d_terms
+from scanlock.kernels.p2d import p2d_terms
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.candidates import Candidates, EveryTarget, TargetsInReach, Tiles
+from scanlock.objectives.candidates import Candidates, Lists, Tiles
+from scanlock.objectives.near_pairs import NearPairs, near_pairs
 from scanlock.objectives.quadratic import Curvature, Quadratic
 
-_MOST_PAIRS_UNSORTED = 250_000
-"""Up to here it is faster to look at every pair than to list those in reach."""
+_KEPT = "_near_pairs"
+"""Under this name an objective keeps the pairs in reach of its last pose."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,31 +113,36 @@ class GaussiansToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        terms = d2d_terms(
-            self.target.means,
-            self.target.packed_covariances,
-            self.target.widths,
-            self.target.weights(self.weight_power),
-            self.source.means,
-            self.source.packed_covariances,
-            self.source.widths,
-            self.source.weights(self.weight_power),
-            *self._candidates.at(pose.apply(self.source.means)),
-            pose.rotation,
-            pose.translation,
-            *self.shape.parameters,
-            float(self.curvature == "exact"),
-        )
+        terms = np.zeros(28)
+        for lists in self._lists_at(pose):
+            terms += d2d_terms(
+                self.target.means,
+                self.target.packed_covariances,
+                self.target.weights(self.weight_power),
+                self.source.means,
+                self.source.packed_covariances,
+                self.source.weights(self.weight_power),
+                *lists,
+                pose.rotation,
+                pose.translation,
+                *self.shape.parameters,
+                float(self.curvature == "exact"),
+            )
         return Quadratic.from_terms(self.shape.height * terms)
 
-    @cached_property
-    def _candidates(self) -> Candidates:
+    def _lists_at(self, pose: Pose) -> Iterator[Lists]:
         if self.candidates is not None:
-            return self.candidates
-        if len(self.target) * len(self.source) <= _MOST_PAIRS_UNSORTED:
-            return EveryTarget()
+            yield self.candidates.at(pose.apply(self.source.means))
+            return
+        kept: NearPairs | None = self.__dict__.get(_KEPT)
+        if kept is not None and kept.hold_at(pose):
+            yield kept.lists
+            return
         _, _, window_end = self.shape.parameters
-        return TargetsInReach.of(self.target, self.source, window_end)
+        for near in near_pairs(self.target, self.source, pose, window_end):
+            # Not part of what the objective is: values are the same whatever is kept.
+            self.__dict__[_KEPT] = near
+            yield near.lists
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,14 +5,15 @@ from reference.samples import street
 from scanlock.kernels import (
     agreeing_sets,
     compatibility,
+    d2d,
     ground,
     grouping,
     meeting,
     moments,
+    p2d,
     plan_view,
     polar,
     range_image,
-    terms,
 )
 from scanlock.models.segmentation import segment
 from scanlock.registration.methods import METHODS
@@ -33,8 +34,8 @@ _KERNELS = (
     polar.polar_cells,
     range_image.looked_through,
     range_image.nearest_ranges,
-    terms.d2d_terms,
-    terms.p2d_terms,
+    d2d.d2d_terms,
+    p2d.p2d_terms,
 )
 
 

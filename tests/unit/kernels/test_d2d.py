@@ -7,7 +7,7 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import d2d_terms
+from scanlock.kernels.d2d import d2d_terms
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 
@@ -22,14 +22,11 @@ def _terms(
     sharpness=1.0,
     start=16.0,
     end=25.0,
-    width_factor=1.0,
     exact=1.0,
     lists=_EVERYONE,
 ):
     def side(part):
-        widths = width_factor * part.widths
-        widths.setflags(write=False)
-        return part.means, part.packed_covariances, widths, part.weights()
+        return part.means, part.packed_covariances, part.weights()
 
     return d2d_terms(
         *side(target),
@@ -61,20 +58,6 @@ def test_the_value_is_the_sum_over_all_pairs(seed, sharpness):
     )
     assert expected < 0.0
     np.testing.assert_allclose(value, expected, rtol=1e-12)
-
-
-def test_the_bound_on_the_distance_skips_no_round_pair():
-    # Where all Gaussians are round the bound is the distance itself: any tighter one shows.
-    rng = np.random.default_rng(4)
-    target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
-    pose = Pose.from_step(rng.normal(size=6))
-    s = reference.d2d_squared(
-        pose, target.means, target.covariances, source.means, source.covariances
-    )
-    assert ((s > 20.0) & (s < 25.0)).sum() > 50
-    value = _terms(target, source, pose)[0]
-    np.testing.assert_allclose(value, reference.d2d_value(pose, target, source), rtol=1e-12)
-    assert abs(_terms(target, source, pose, width_factor=0.6)[0] - value) > 1e-6
 
 
 @pytest.mark.parametrize("edge", [16.0, 25.0])
