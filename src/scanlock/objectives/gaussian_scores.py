@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, read_only
+from scanlock.arrays import Points, Vector
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.d2d import d2d_terms
@@ -124,14 +124,19 @@ class GaussiansToGaussians:
             terms = np.sum([np.zeros(28), *parts], axis=0)
         return Quadratic.from_terms(self.shape.height * terms)
 
+    @cached_property
+    def _weights(self) -> tuple[Vector, Vector]:
+        return self.target.weights(self.weight_power), self.source.weights(self.weight_power)
+
     def _terms(self, pose: Pose, rows: slice, lists: Lists) -> Vector:
+        of_target, of_source = self._weights
         return d2d_terms(
             self.target.means,
             self.target.packed_covariances,
-            self.target.weights(self.weight_power),
+            of_target,
             self.source.means[rows],
             self.source.packed_covariances[rows],
-            read_only(self.source.weights(self.weight_power)[rows]),
+            of_source[rows],
             *lists,
             pose.rotation,
             pose.translation,
