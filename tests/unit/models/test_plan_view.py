@@ -9,7 +9,8 @@ from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.plan_view import column_slots, turned_maps
+from scanlock.kernels.plan_view import column_slots
+from scanlock.kernels.turned_maps import turned_maps
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
 from scanlock.models.plan_view import PlanViewer, level_pose
 
