@@ -33,7 +33,10 @@ _MOST_CELLS = 128
 _LEAST_CELL = 1e-3
 """Least side of a cell [m]: targets may all lie in one place."""
 
-_Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, float]
+_NARROW = 0.9
+"""This share of the targets is looked for by itself, no farther than its own widths allow."""
+
+_Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, Vector]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,19 +103,17 @@ class NearPairs:
     def _grid(self) -> _Grid:
         target = self.target
         low, high = target.means[:, :2].min(axis=0), target.means[:, :2].max(axis=0)
-        widest = float(target.widths.max())
-        reach = math.sqrt(
-            self.window_end * (1.0 + _SLACK) * (widest + float(self.source.widths.max()))
-            + self._margin
-        )
+        widest = np.quantile(target.widths, (_NARROW, 1.0), method="higher")
+        both = float(widest[0] + np.median(self.source.widths))
+        reach = math.sqrt(self.window_end * (1.0 + _SLACK) * both + self._margin)
         # Half the reach: of what is looked at, half is in reach.
         width = max(0.5 * reach, float((high - low).max()) / _MOST_CELLS, _LEAST_CELL)
         columns, rows = (int(count) + 1 for count in (high - low) / width)
         corner = read_only(low)
-        found = sorted_by_cell(target.means, target.widths, corner, width, columns, rows)
-        starts, order, inside = found
-        grid = read_only(starts), read_only(order), read_only(inside)
-        return *grid, corner, width, columns, rows, widest
+        place = corner, width, columns, rows
+        widest = read_only(widest)
+        starts, order, inside = sorted_by_cell(target.means, target.widths, widest, *place)
+        return read_only(starts), read_only(order), read_only(inside), *place, widest
 
     def _listed(self, part: int) -> Lists:
         rows = self.rows(part)
