@@ -99,6 +99,6 @@ def test_every_kernel_is_compiled_for_one_signature(method):
     signatures = dict(line.split() for line in done.stdout.splitlines())
     assert set(signatures.values()) <= {"0", "1"}
     used = {"polar.polar_cells", "moments.labelled_moments", "meeting.meeting_gaussians"}
-    used |= {"grouping.occupied_cells", "grouping.split_by_extent", "terms.d2d_terms"}
-    used |= {"terms.p2d_terms", "tiles.tile_lists"} if "p2d" in method else set()
+    used |= {"grouping.occupied_cells", "grouping.split_by_extent", "d2d.d2d_terms"}
+    used |= {"p2d.p2d_terms", "tiles.tile_lists"} if "p2d" in method else set()
     assert {signatures[name] for name in used} == {"1"}

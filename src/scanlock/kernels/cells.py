@@ -7,7 +7,7 @@ gradient ``g`` and the Hessian ``H`` of f in y, the step ``(rho, phi)`` has::
     Hessian   J' H J + blkdiag(0, (g y' + y g') / 2 - (g.y) I),  J = [I, -hat(y)]
 
 so g and H are summed over the cells first, and the pose enters once a point. The score of a pair
-and its window are those of `kernels/terms.py`; every kernel returns 28 sums in its order.
+and its window are those of `kernels/p2d.py`; every kernel returns 28 sums in its order.
 """
 
 import math

@@ -6,16 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Points
+from scanlock.arrays import Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import d2d_terms, p2d_terms
+from scanlock.kernels.d2d import d2d_terms
+from scanlock.kernels.p2d import p2d_terms
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.candidates import Candidates, EveryTarget, TargetsInReach, Tiles
+from scanlock.objectives.candidates import Candidates, TargetsInReach, Tiles
 from scanlock.objectives.quadratic import Curvature, Quadratic
 
-_MOST_PAIRS_UNSORTED = 250_000
-"""Up to here it is faster to look at every pair than to list those in reach."""
+_VALUE_ONLY = -1.0
+"""Instead of a share of the exact Hessian: no derivatives at all."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -110,31 +111,47 @@ class GaussiansToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        terms = d2d_terms(
-            self.target.means,
-            self.target.packed_covariances,
-            self.target.widths,
-            self.target.weights(self.weight_power),
-            self.source.means,
-            self.source.packed_covariances,
-            self.source.widths,
-            self.source.weights(self.weight_power),
-            *self._candidates.at(pose.apply(self.source.means)),
+        return Quadratic.from_terms(self._terms(pose, float(self.curvature == "exact")))
+
+    def value(self, pose: Pose) -> float:
+        """Return the value alone at `pose`."""
+        return float(self._terms(pose, _VALUE_ONLY)[0])
+
+    def _terms(self, pose: Pose, exact: float) -> Vector:
+        return self.shape.height * d2d_terms(
+            self._target_rows,
+            self._source_rows,
+            *self._candidates.at(pose, self.source.means),
             pose.rotation,
             pose.translation,
             *self.shape.parameters,
-            float(self.curvature == "exact"),
+            exact,
         )
-        return Quadratic.from_terms(self.shape.height * terms)
+
+    @cached_property
+    def _target_rows(self) -> Matrix:
+        return _rows(self.target, self.weight_power)
+
+    @cached_property
+    def _source_rows(self) -> Matrix:
+        return _rows(self.source, self.weight_power)
 
     @cached_property
     def _candidates(self) -> Candidates:
         if self.candidates is not None:
             return self.candidates
-        if len(self.target) * len(self.source) <= _MOST_PAIRS_UNSORTED:
-            return EveryTarget()
         _, _, window_end = self.shape.parameters
-        return TargetsInReach.of(self.target, self.source, window_end)
+        return TargetsInReach(self._target_rows, self.source, window_end)
+
+
+def _rows(gaussians: Gaussians, weight_power: float) -> Matrix:
+    """Return (k, 11) rows of mean, packed covariance, largest variance and weight."""
+    rows = np.empty((len(gaussians), 11))
+    rows[:, :3] = gaussians.means
+    rows[:, 3:9] = gaussians.packed_covariances
+    rows[:, 9] = gaussians.widths
+    rows[:, 10] = gaussians.weights(weight_power)
+    return read_only(rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

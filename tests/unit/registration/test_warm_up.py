@@ -5,14 +5,16 @@ from reference.samples import street
 from scanlock.kernels import (
     agreeing_sets,
     compatibility,
+    d2d,
     ground,
     grouping,
     meeting,
     moments,
+    p2d,
     plan_view,
     polar,
     range_image,
-    terms,
+    reach,
 )
 from scanlock.models.segmentation import segment
 from scanlock.registration.methods import METHODS
@@ -24,17 +26,18 @@ _KERNELS = (
     compatibility.free_compatibility,
     compatibility.level_compatibility,
     compatibility.soft_overlap,
+    d2d.d2d_terms,
     ground.lowest_in_cells,
     grouping.occupied_cells,
     meeting.meeting_gaussians,
     moments.labelled_moments,
+    p2d.p2d_terms,
     plan_view.column_slots,
     plan_view.turned_maps,
     polar.polar_cells,
     range_image.looked_through,
     range_image.nearest_ranges,
-    terms.d2d_terms,
-    terms.p2d_terms,
+    reach.targets_in_reach,
 )
 
 

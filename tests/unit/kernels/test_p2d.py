@@ -7,7 +7,7 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import p2d_terms
+from scanlock.kernels.p2d import p2d_terms
 from scanlock.kernels.tiles import tile_lists
 
 

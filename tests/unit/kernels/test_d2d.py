@@ -7,7 +7,7 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.terms import d2d_terms
+from scanlock.kernels.d2d import _exponentials, d2d_terms
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
 
@@ -26,14 +26,13 @@ def _terms(
     exact=1.0,
     lists=_EVERYONE,
 ):
-    def side(part):
-        widths = width_factor * part.widths
-        widths.setflags(write=False)
-        return part.means, part.packed_covariances, widths, part.weights()
+    def rows(part):
+        columns = part.means, part.packed_covariances, width_factor * part.widths, part.weights()
+        return read_only(np.column_stack(columns))
 
     return d2d_terms(
-        *side(target),
-        *side(source),
+        rows(target),
+        rows(source),
         *lists,
         pose.rotation,
         pose.translation,
@@ -166,3 +165,37 @@ def test_lists_choose_the_pairs_that_count():
     expected = -(scores[0, 4] + scores[0, 1] + scores[2, 2])
     assert expected < 0.0
     np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_exponentials_are_those_of_the_library():
+    # Two more rows than asked for must stay as they are.
+    exponents = np.concatenate([np.linspace(-700.0, 0.0, 4001), np.linspace(-1e-6, 0.0, 9), [5, 6]])
+    found, scratch = exponents.copy(), np.empty((2, len(exponents)))
+    _exponentials(found, scratch[0], scratch[1], len(exponents) - 2)
+    np.testing.assert_allclose(found[:-2], np.exp(exponents[:-2]), rtol=1e-15)
+    np.testing.assert_array_equal(found[-2:], [5.0, 6.0])
+
+
+def test_blocks_that_fill_up_lose_no_pair():
+    # More targets than a block holds, and all in reach of all sources.
+    rng = np.random.default_rng(11)
+    target, source = gaussians(rng, 700, spread=1.0), gaussians(rng, 3, spread=1.0)
+    value = _terms(target, source, Pose.identity())[0]
+    expected = reference.d2d_value(Pose.identity(), target, source)
+    np.testing.assert_allclose(value, expected, rtol=1e-12)
+
+
+def test_pairs_far_beyond_a_thin_window_count_nothing():
+    # In reach by the bound of their longest axes, but some 1e6 standard deviations apart.
+    flat = np.diag([1e4, 1e4, 1e-6])
+    target = Gaussians(np.array([[0.0, 0.0, 0.0]]), flat[None], np.array([1]))
+    pose = Pose(np.eye(3), np.array([0.0, 0.0, 10.0]))
+    np.testing.assert_array_equal(_terms(target, target, pose), 0.0)
+
+
+def test_the_value_alone_has_no_derivatives():
+    rng = np.random.default_rng(12)
+    target, source = gaussians(rng, 30), gaussians(rng, 20)
+    alone, full = (_terms(target, source, Pose.identity(), exact=e) for e in (-1.0, 1.0))
+    assert alone[0] == full[0] < 0.0
+    np.testing.assert_array_equal(alone[1:], 0.0)
