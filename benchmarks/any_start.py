@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 import real_scans
-from one_core import hold_to_one_core
-from peers import searchers
+from cores import hold_to_cores
+from peers import without_start
 from real_scans import RealPair
 from scanlock.geometry.pose import Pose
 from tables import machine, print_table
@@ -71,7 +71,7 @@ def group_trials(
     group: str, pairs: Sequence[RealPair], arguments: argparse.Namespace
 ) -> dict[str, list[Trial]]:
     found: dict[str, list[Trial]] = {}
-    ours, *peers = searchers(peers=not arguments.no_peers)
+    ours, *peers = without_start(peers=not arguments.no_peers)
     shared = set(np.linspace(0, len(pairs) - 1, arguments.peer_pairs).round().astype(int))
     for index, pair in enumerate(pairs):
         target, source = pair.load_target(), pair.load_source()
@@ -98,7 +98,7 @@ def main() -> None:
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--each", action="store_true", help="print what is not solved and claimed")
     arguments = parser.parse_args()
-    hold_to_one_core()
+    hold_to_cores()
     if arguments.data is None:
         parser.error("give --data FOLDER or set SCANLOCK_DATA")
     groups: dict[str, list[RealPair]] = {}
@@ -106,8 +106,8 @@ def main() -> None:
         if arguments.only in pair.group:
             groups.setdefault(pair.group, []).append(pair)
     first = next(iter(groups.values()))[0]
-    for searcher in searchers(peers=not arguments.no_peers):
-        searcher.register(first.load_source(), first.load_target())
+    for contender in without_start(peers=not arguments.no_peers):
+        contender.register(first.load_source(), first.load_target(), None)
     found: dict[str, dict[str, list[Trial]]] = {}
     for group, pairs in groups.items():
         found[group] = group_trials(group, pairs, arguments)

@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contenders import Contender, contenders, is_solved, pose_error
+from contenders import Contender, is_solved, pose_error
+from peers import with_start
 from real_scans import RealPair, kitti_drive
 from scanlock.geometry.pose import Pose
 from tables import machine, print_table
@@ -70,7 +71,7 @@ def main() -> None:
     print(machine())
     print(f"{len(pairs)} pairs, {arguments.starts} starts each, {arguments.axis} axis")
     print("solved (CPU ms a call, claimed right but wrong)\n")
-    found = contenders(peers=not arguments.no_peers)
+    found = with_start(peers=not arguments.no_peers)
     for contender in found:
         contender.register(pairs[0].load_source(), pairs[0].load_target(), Pose.identity())
     header = ["method", *(f"{m:g} m, {d:g}°" for m, d in LEVELS)]

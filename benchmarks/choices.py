@@ -76,11 +76,13 @@ def voxel_weights(marks: Landmarks, gaussians: Gaussians) -> Gaussians:
     """Weights by occupied voxels of 0.3 m nearest to each Gaussian instead of points."""
     _, owner = cKDTree(gaussians.means).query(voxel_means(marks.obstacles, 0.3))
     counts = np.maximum(np.bincount(owner, minlength=len(gaussians)), 1)
-    return Gaussians(gaussians.means, gaussians.covariances, counts)
+    return Gaussians.from_covariances(gaussians.means, gaussians.covariances, counts)
 
 
 def equal_weights(marks: Landmarks, gaussians: Gaussians) -> Gaussians:
-    return Gaussians(gaussians.means, gaussians.covariances, np.ones_like(gaussians.counts))
+    return Gaussians.from_covariances(
+        gaussians.means, gaussians.covariances, np.ones_like(gaussians.counts)
+    )
 
 
 VARIANTS: dict[str, tuple[Prepare, Align]] = {

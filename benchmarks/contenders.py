@@ -1,8 +1,9 @@
-"""What is compared: scanlock's methods, and peers where they are installed."""
+"""What is compared: raw arrays in, a pose and a claim out; and when a pose is right."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,52 +17,30 @@ Cloud = NDArray[np.float64]
 SUCCESS_METRES = 0.3
 SUCCESS_DEGREES = 1.0
 
+Claimed = tuple[Pose, bool | None]
+"""A pose, and whether it claims to be right.
+
+None for a peer that claims nothing: Open3D gives a fitness and leaves its limit to the user.
+"""
+
 
 @dataclass(frozen=True)
 class Contender:
-    """Raw arrays and a start in; a pose, and whether it claims to be right, out."""
+    """Source, target and a start in; who needs no start is given None."""
 
     name: str
-    register: Callable[[Cloud, Cloud, Pose], tuple[Pose, bool]]
+    register: Callable[[Cloud, Cloud, Pose | None], Claimed]
 
 
-def ours(method: str) -> Contender:
-    def run(source: Cloud, target: Cloud, start: Pose) -> tuple[Pose, bool]:
-        result = register(source=source, target=target, method=method, initial=start)
+def ours(name: str, method: Any = None) -> Contender:
+    """Return a method of scanlock by its name, or settings under a name of their own."""
+    chosen = METHODS[name] if method is None else method
+
+    def run(source: Cloud, target: Cloud, start: Pose | None) -> Claimed:
+        result = register(source=source, target=target, method=chosen, initial=start)
         return result.target_from_source, result.ok
 
-    return Contender(f"scanlock {method}", run)
-
-
-def small_gicp_contender(kind: str, gate: float) -> Contender:
-    import small_gicp
-
-    def run(source: Cloud, target: Cloud, start: Pose) -> tuple[Pose, bool]:
-        result = small_gicp.align(
-            target,
-            source,
-            init_T_target_source=start.matrix,
-            registration_type=kind,
-            downsampling_resolution=0.25,
-            max_correspondence_distance=gate,
-            num_threads=1,
-            max_iterations=100,
-        )
-        # Its step tolerance can leave the matrix a rounding away from a rotation.
-        return Pose.from_matrix(result.T_target_source), bool(result.converged)
-
-    return Contender(f"small_gicp {kind}, {gate:g} m", run)
-
-
-def contenders(peers: bool) -> list[Contender]:
-    found = [ours(method) for method in METHODS]
-    if peers:
-        found += [
-            small_gicp_contender("GICP", 1.0),
-            small_gicp_contender("GICP", 10.0),
-            small_gicp_contender("VGICP", 1.0),
-        ]
-    return found
+    return Contender(f"scanlock {name}", run)
 
 
 def pose_error(pose: Pose, truth: Pose) -> tuple[float, float]:

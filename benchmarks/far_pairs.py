@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from one_core import hold_to_one_core
-from peers import searchers
+from cores import hold_to_cores
+from peers import without_start
 from scanlock.simulation import SCENES, SimulatedPair, scan_pair
 from tables import machine, print_table
 from trials import HEADER, Trial, print_overview, row, tried
@@ -41,12 +41,12 @@ def main() -> None:
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--each", action="store_true", help="print what is not solved and claimed")
     arguments = parser.parse_args()
-    hold_to_one_core()
+    hold_to_cores()
     found: dict[str, dict[str, list[Trial]]] = {}
-    contenders = searchers(peers=not arguments.no_peers)
+    contenders = without_start(peers=not arguments.no_peers)
     first = scan_pair("street", SENSORS[0], arguments.first_seed)
     for one in contenders:
-        one.register(first.source.points, first.target.points)
+        one.register(first.source.points, first.target.points, None)
     for kind in ("street", "forest"):
         for seed in range(arguments.first_seed, arguments.first_seed + arguments.pairs):
             for baseline, pair in far_pair(kind, seed):

@@ -20,8 +20,8 @@ import numpy as np
 
 import real_scans
 from any_start import headings, tolerance_of
+from contenders import Contender, ours
 from far_pairs import far_pair
-from peers import Searcher, ours
 from scanlock.geometry.pose import Pose
 from scanlock.registration.auto import Auto
 from scanlock.registration.coarse_to_fine import DEFAULT_SCALES
@@ -122,17 +122,17 @@ def main() -> None:
     for name, method in VARIANTS.items():
         if arguments.only not in name:
             continue
-        searcher = ours(name, method)
-        searcher.register(tasks[0].source, tasks[0].target)
-        rows.append([name, *cells(searcher, tasks, columns)])
+        contender = ours(name, method)
+        contender.register(tasks[0].source, tasks[0].target, None)
+        rows.append([name, *cells(contender, tasks, columns)])
         print(rows[-1], flush=True)
     print(machine(), "\n")
     print_table(("parts", *columns, "city, median", "CPU ms"), rows)
 
 
-def cells(searcher: Searcher, tasks: list[Task], columns: list[str]) -> list[str]:
+def cells(contender: Contender, tasks: list[Task], columns: list[str]) -> list[str]:
     found: list[tuple[Task, Trial]] = [
-        (task, tried(searcher, task.source, task.target, task.truth, task.tolerance))
+        (task, tried(contender, task.source, task.target, task.truth, task.tolerance))
         for task in tasks
     ]
     texts: list[str] = []

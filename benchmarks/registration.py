@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import real_scans
-from contenders import Contender, contenders, is_solved, pose_error
+from contenders import Contender, is_solved, pose_error
+from peers import with_start
 from real_scans import RealPair
 from scanlock.geometry.pose import Pose
 from tables import machine, print_table
@@ -132,7 +133,7 @@ def main() -> None:
     pairs = [pair for pair in all_pairs(arguments.data) if arguments.only in pair.group]
     found = {
         contender.name: list(attempts(contender, pairs, arguments.each))
-        for contender in contenders(peers=not arguments.no_peers)
+        for contender in with_start(peers=not arguments.no_peers)
     }
     print(machine(), "\n")
     print_overview(found)

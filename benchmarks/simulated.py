@@ -11,7 +11,8 @@ import argparse
 
 import numpy as np
 
-from contenders import contenders, is_solved, pose_error
+from contenders import is_solved, pose_error
+from peers import with_start
 from scanlock.geometry.pose import Pose
 from scanlock.simulation import scan_pair
 from tables import machine, print_table
@@ -22,7 +23,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20, help="pairs of each scene and sensor")
     parser.add_argument("--no-peers", action="store_true", help="scanlock's methods only")
     arguments = parser.parse_args()
-    found = contenders(peers=not arguments.no_peers)
+    found = with_start(peers=not arguments.no_peers)
     rows: list[list[str]] = []
     for scene in ("street", "forest"):
         for sensor in ("hdl_64e", "hdl_32e"):

@@ -12,13 +12,15 @@ import argparse
 import os
 import zlib
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import real_scans
-from contenders import Cloud, Contender, ours, pose_error, small_gicp_contender
+from contenders import Cloud, Contender, ours, pose_error
+from peers import available, small_gicp_peer
 from scanlock.geometry.pose import Pose
 from tables import machine, print_table
 
@@ -64,10 +66,7 @@ def halves(points: Cloud, rng: np.random.Generator) -> Halves:
 def contenders(peers: bool) -> list[Contender]:
     found = [ours(method) for method in METHODS]
     if peers:
-        try:
-            found += [small_gicp_contender(kind, 1.0) for kind in PEERS]
-        except ImportError as error:
-            print(f"left out: {error}")
+        found += available(partial(small_gicp_peer, kind) for kind in PEERS)
     return found
 
 

@@ -15,7 +15,7 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         print("| " + " | ".join(row) + " |", flush=True)
 
 
-def machine() -> str:
+def machine(threads: str = "one thread") -> str:
     processor = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
     if info.exists():
@@ -23,6 +23,6 @@ def machine() -> str:
         if names:
             processor = names[0].split(":", 1)[1].strip()
     return (
-        f"{processor}, one thread; Python {platform.python_version()}, "
+        f"{processor}, {threads}; Python {platform.python_version()}, "
         f"NumPy {np.__version__}, Numba {numba.__version__}"
     )

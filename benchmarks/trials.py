@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contenders import pose_error
-from peers import Cloud, Searcher
+from contenders import Cloud, Contender, pose_error
 from scanlock.geometry.pose import Pose
 from tables import print_table
 
@@ -33,14 +32,14 @@ class Trial:
 
 
 def tried(
-    searcher: Searcher,
+    contender: Contender,
     source: Cloud,
     target: Cloud,
     truth: Pose,
     tolerance: tuple[float, float] = (0.3, 1.0),
 ) -> Trial:
     begin = time.process_time()
-    pose, claimed = searcher.register(source, target)
+    pose, claimed = contender.register(source, target, None)
     seconds = time.process_time() - begin
     return Trial(*pose_error(pose, truth), claimed, seconds, tolerance)
 

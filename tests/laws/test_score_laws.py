@@ -34,10 +34,10 @@ class _Scene:
         covariances = turned_covariances(rng, deviations**2)
         counts = rng.integers(6, 200, 7)
         means = away * rng.uniform(-1.0, 1.0, 3) + most * rng.normal(size=(3, 3))
-        self.source = Gaussians(means, covariances[:3], counts[:3])
+        self.source = Gaussians.from_covariances(means, covariances[:3], counts[:3])
         # Each target lies where a draw from a source Gaussian may fall.
         draws = np.linalg.cholesky(covariances[np.arange(4) % 3]) @ rng.normal(size=(4, 3, 1))
-        self.target = Gaussians(
+        self.target = Gaussians.from_covariances(
             self.pose.apply(means[np.arange(4) % 3] + draws[:, :, 0]), covariances[3:], counts[3:]
         )
         self.points = read_only(

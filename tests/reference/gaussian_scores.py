@@ -74,9 +74,3 @@ def tile_members(means, radii, corner, width, columns, rows):
             gap = np.linalg.norm(nearest - means[:, :2], axis=1)
             members.append(np.flatnonzero(gap <= radii).tolist())
     return members
-
-
-def gaps_and_reaches(target, source, end):
-    """Distance of every pair of means (source, target), and the least at which none can score."""
-    gaps = np.linalg.norm(source.means[:, None] - target.means[None], axis=2)
-    return gaps, np.sqrt(end * (source.widths[:, None] + target.widths[None]))

@@ -21,7 +21,7 @@ def turned_covariances(rng, variances):
 def gaussians(rng, count, *, spread=10.0, least=0.1, most=2.0):
     """Gaussians with log-uniform deviations, scattered over a cube."""
     deviations = np.exp(rng.uniform(np.log(least), np.log(most), (count, 3)))
-    return Gaussians(
+    return Gaussians.from_covariances(
         rng.uniform(-spread, spread, (count, 3)),
         turned_covariances(rng, deviations**2),
         rng.integers(1, 300, count),

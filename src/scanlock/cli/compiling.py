@@ -24,7 +24,7 @@ class CompileWatch:
             # Not by a console of its own: a spinner, if one turns, hands this on to the line
             # above its own.
             sys.stderr.write(
-                "compiling for the first use, which may take a minute; later runs start at once\n"
+                "compiling for the first use, for up to half a minute; later runs start at once\n"
             )
         self.compiled = True
 

@@ -1,25 +1,81 @@
 """``scanlock warmup``: everything that is compiled, compiled now."""
 
+import os
 import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from typing import TypeVar
+
+_Step = TypeVar("_Step")
 
 
 def warm_up() -> None:
     """Compile everything now and keep it on disk, so that no later command has to."""
     from scanlock.cli.compiling import compile_watch
     from scanlock.cli.screen import print_line, waiting
-    from scanlock.registration.warm_up import warm_up as warm_up_registration
+    from scanlock.registration.warm_up import warm_up_verdicts
 
     begin = time.perf_counter()
     with compile_watch() as watch, waiting("compiling"):
-        warm_up_registration()
-        _warm_up_simulation()
-        _warm_up_files()
+        with _helpers(_cores() - 1 if _compiles_here() else 0):
+            run_steps(0)
+        warm_up_verdicts()
     seconds = time.perf_counter() - begin
     if watch.compiled:
         print_line(f"compiled everything in {seconds:.0f} s; commands now start at once")
     else:
         print_line(f"everything was compiled already; loaded it in {seconds:.1f} s")
     print_line(where_it_is_kept())
+
+
+def _compiles_here() -> bool:
+    """Compile a first kernel, if need be, and return whether others can profit from more of it."""
+    import numpy as np
+
+    from scanlock.kernels import polar
+    from scanlock.models.clusters import ClusterFinder
+
+    ClusterFinder().grid.cells(np.ones((1, 3)))
+    stats = getattr(polar.polar_cells, "stats", None)
+    return stats is not None and stats.cache_path is not None and bool(stats.cache_misses)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def _helpers(count: int) -> Generator[None]:
+    """Let other processes work off the same steps from other ends."""
+    from multiprocessing import get_context
+
+    # Started afresh, since a copy of this process would hold the compiler's locks.
+    context = get_context("spawn")
+    helpers = [context.Process(target=run_steps, args=(1 + k,), daemon=True) for k in range(count)]
+    for helper in helpers:
+        helper.start()
+    yield
+    for helper in helpers:
+        helper.join()
+
+
+def run_steps(number: int) -> None:
+    """Run every step in the order of one of several processes that share a cache on disk."""
+    from scanlock.registration.warm_up import warm_up_steps
+
+    for step in ordered([*warm_up_steps(), _warm_up_simulation, _warm_up_files], number):
+        step()
+
+
+def ordered(steps: Sequence[_Step], number: int) -> list[_Step]:
+    """Return steps forwards for even numbers, backwards for odd, and from within from 2 on.
+
+    What another process has compiled is found on disk, so each compiles what none of the others
+    has come to yet.
+    """
+    turned = list(steps if number % 2 == 0 else reversed(steps))
+    first = (number // 2) * len(turned) // 3 % len(turned)
+    return turned[first:] + turned[:first]
 
 
 def _warm_up_simulation() -> None:

@@ -2,9 +2,13 @@
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import require_positive
 from scanlock.kernels.voxels import occupied_voxels
+from scanlock.kernels.voxels import voxel_moments as moments_of_voxels
+
+_LARGEST_KEY = 2.0**62
+"""Boxes of fewer voxels than this can be numbered, which sorts faster than three columns."""
 
 _ZERO = read_only(np.zeros(3))
 
@@ -26,14 +30,49 @@ def voxel_cells(points: Points, width: float, corner: Vector = _ZERO) -> tuple[L
     """
     require_positive("width", width, unit="m")
     labels, cells = occupied_voxels(read_only(points), read_only(corner), float(width))
-    order = np.lexsort(cells.T[::-1])
+    order = _ascending(cells)
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     return rank[labels], cells[order]
 
 
+def voxel_moments(
+    points: Points, width: float, corner: Vector = _ZERO, least_count: int = 1
+) -> tuple[Labels, Labels, Points, Matrix]:
+    """Return the voxels with at least `least_count` of (n, 3) points, and their moments.
+
+    Returns
+    -------
+    cells : (m, 3)
+        As those of `voxel_cells`, ascending.
+    counts : (m,)
+    means : (m, 3) [m]
+    packed : (m, 6) [m^2]
+        Upper triangles of the covariances, divided by the counts.
+    """
+    require_positive("width", width, unit="m")
+    cells, counts, moments = moments_of_voxels(
+        read_only(points), read_only(corner), float(width), least_count
+    )
+    order = _ascending(cells)
+    moments = moments[order]
+    return cells[order], counts[order], moments[:, :3], moments[:, 3:]
+
+
 def voxel_means(points: Points, width: float) -> Points:
     """Return the mean of the points in each occupied voxel, (m, 3) with m <= n."""
-    labels, count = voxel_labels(points, width)
-    sums = np.stack([np.bincount(labels, points[:, a], count) for a in range(3)], axis=1)
-    return sums / np.bincount(labels, minlength=count)[:, None]
+    _, _, means, _ = voxel_moments(points, width)
+    return np.ascontiguousarray(means)
+
+
+def _ascending(cells: Labels) -> Labels:
+    """Return the order of distinct (m, 3) indices, by the first, then the second."""
+    if len(cells) == 0:
+        return np.empty(0, np.int64)
+    low = cells.min(axis=0)
+    sides = (cells.max(axis=0) - low + 1).astype(np.float64)
+    if sides.prod() >= _LARGEST_KEY:
+        return np.lexsort(cells.T[::-1])
+    _, second, third = (int(side) for side in sides)
+    i, j, k = (cells - low).T
+    return np.argsort((i * second + j) * third + k)

@@ -2,14 +2,20 @@
 
 Compilation is lazy, so importing a kernel compiles nothing. `nogil` lets a thread pool drive
 serial kernels. Blanket fast-math is never on: it makes `isinf` and `isnan` answer False.
+
+Compiling takes seconds, once: the logger ``scanlock`` says so, at level INFO.
 """
 
+import logging
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import event as numba_event
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_LOGGER = logging.getLogger("scanlock")
 
 # The subset of fast-math that keeps infinities and NaN meaningful: sums may be reordered
 # and fused, which is what vectorising a reduction needs.
@@ -38,6 +44,10 @@ def sum_part(function: _Function) -> _Function:
     return _compiled(function, fastmath=_REORDERED_SUMS, inline="always")
 
 
+_functions: set[Callable[..., Any]] = set()
+"""All that are compiled here: Numba tells of the compilations of others too."""
+
+
 def _compiled(function: _Function, fastmath: bool | set[str], inline: str = "never") -> _Function:
     options: dict[str, Any] = {
         "nogil": True,
@@ -50,5 +60,38 @@ def _compiled(function: _Function, fastmath: bool | set[str], inline: str = "nev
     except RuntimeError:
         # No writable place for the cache (read-only install and home): compile every time.
         compiled = numba.njit(**options)(function)
+    _functions.add(function)
     # A dispatcher is called like the function it compiles, which is all that callers know of it.
     return cast(_Function, compiled)
+
+
+class CompileNotice(numba_event.Listener):
+    """Logs that a kernel is compiled rather than found on disk, once a process.
+
+    Attributes
+    ----------
+    is_given : bool
+        Whether it has been.
+    """
+
+    def __init__(self) -> None:
+        self.is_given = False
+
+    def on_start(self, event: Any) -> None:
+        """Take note of a compilation that begins, if it is one of ours."""
+        dispatcher = event.data["dispatcher"]
+        if self.is_given or dispatcher.py_func not in _functions:
+            return
+        self.is_given = True
+        if dispatcher.stats.cache_path is None:
+            where = "and no folder to keep them in is writable: set NUMBA_CACHE_DIR to one that is"
+        else:
+            where = "for half a minute at most, and keeping them on disk"
+        _LOGGER.info("compiling kernels for the first use, %s", where)
+
+    def on_end(self, event: Any) -> None:
+        """Do nothing."""
+
+
+NOTICE = CompileNotice()
+numba_event.register("numba:compile", NOTICE)

@@ -47,7 +47,7 @@ def level_compatibility(
     m = target.shape[0]
     graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
     places = np.zeros((2, 3, m))
-    places[0, :2], places[1, :2] = target[:, :2].T, source[:, :2].T
+    _fill_columns(places, target, source, 2)
     room = _room(target_slack, source_slack, tolerances[0])
     rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
@@ -85,7 +85,7 @@ def free_compatibility(
     m = target.shape[0]
     graph = np.zeros((grades.shape[0], m, (m + 63) // 64), np.uint64)
     places = np.empty((2, 3, m))
-    places[0], places[1] = target.T, source.T
+    _fill_columns(places, target, source, 3)
     room = _room(target_slack, source_slack, tolerances[0])
     rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
@@ -131,6 +131,17 @@ def soft_overlap(target: Points, source: Points, affinities: Matrix, width: floa
             total += best - taken[at]
             taken[at] = best
     return total
+
+
+@kernel
+def _fill_columns(places: Matrix, target: Points, source: Points, count: int) -> None:
+    """Write the first columns of both as rows.
+
+    In a loop: assigning slices compiles Numba's formatting of errors, for a second.
+    """
+    for row in range(target.shape[0]):
+        for axis in range(count):
+            places[0, axis, row], places[1, axis, row] = target[row, axis], source[row, axis]
 
 
 @kernel

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import kernel, sum_kernel
 
 
-@kernel
+@sum_kernel
 def decay(x: float) -> float:
     """Return ``exp(-x)`` for x >= 0 to 1e-12, in arithmetic that loops can vectorise.
 
@@ -28,7 +28,7 @@ def decay(x: float) -> float:
     return e * e
 
 
-@kernel
+@sum_kernel
 def assimilate(
     r: Vector,
     k: int,
@@ -56,7 +56,16 @@ def assimilate(
     for j in range(n):
         gap = r[j] - centre
         row[j] = signal * decay(scale * gap * gap)
-    for m in range(used):
+    # Four at a time: the row is then loaded and stored a fourth as often.
+    for m in range(0, used - 3, 4):
+        a = factor[m * n : (m + 1) * n]
+        b = factor[(m + 1) * n : (m + 2) * n]
+        c = factor[(m + 2) * n : (m + 3) * n]
+        d = factor[(m + 3) * n : (m + 4) * n]
+        pa, pb, pc, pd = a[k], b[k], c[k], d[k]
+        for j in range(n):
+            row[j] -= pa * a[j] + pb * b[j] + pc * c[j] + pd * d[j]
+    for m in range(used - used % 4, used):
         earlier = factor[m * n : (m + 1) * n]
         pivot = earlier[k]
         for j in range(n):
@@ -84,23 +93,23 @@ def grow_sector(
     mean: Vector,
     variance: Vector,
     factor: Vector,
+    used: int,
     joining: Labels,
-) -> None:
-    """Grow the ground model of one sector from its seeds; see `grow_sectors`.
+) -> int:
+    """Grow the ground model of one sector; see `grow_sectors`. Return the rows of its factor.
 
-    Writes `accepted`, `mean` and `variance`; `factor` and `joining` are scratch.
+    It grows on from `used` observations, whose rows are in `factor`, or from its seeds if there
+    are none yet. Brings `accepted`, `mean`, `variance` and `factor` up to date; `joining` is
+    scratch.
     """
     n = r.shape[0]
-    accepted[:] = False
-    mean[:] = 0.0
-    variance[:] = signal
-    used = 0
     borrower = 0
     count = 0
-    for j in range(n):
-        if seeds[j]:
-            joining[count] = j
-            count += 1
+    if used == 0:
+        for j in range(n):
+            if seeds[j]:
+                joining[count] = j
+                count += 1
     while True:
         for c in range(count):
             j = joining[c]
@@ -124,7 +133,7 @@ def grow_sector(
         ):
             borrower += 1
         if borrower == n:
-            return
+            return used
         seen = float(lent_heights[borrower])
         doubt = float(lent_noise[borrower])
         assimilate(r, borrower, seen, doubt, length, signal, mean, variance, factor, used)
@@ -228,19 +237,44 @@ def grow_sectors(
         largest = max(largest, starts[s + 1] - starts[s])
     factor = np.empty(2 * largest * largest, np.float64)
     joining = np.empty(largest, np.int64)
+    # What sectors with something still uncertain ended with on their own: borrowing starts there,
+    # each time anew. The rows of their factors lie one after the other.
+    rows = np.zeros(sectors, np.int64)
+    begins = np.zeros(sectors, np.int64)
+    kept = np.empty(64 * total + 1, np.float64)
+    filled = 0
+    own_accepted = accepted
+    own_mean = mean
+    own_variance = variance
     for turn in range(rounds + 1):
+        if turn == 1:
+            own_accepted, own_mean, own_variance = accepted.copy(), mean.copy(), variance.copy()
         if turn > 0:
             lend_heights(
                 starts, ranges, heights, mean, variance, variance_limit, reach, slope, gap,
                 lent_heights, lent_noise, changed,
             )  # fmt: skip
         for s in range(sectors):
-            if changed[s]:
-                own = slice(starts[s], starts[s + 1])
-                grow_sector(
-                    ranges[own], heights[own], seeds[own], caps[own],
-                    lent_heights[own], lent_noise[own],
-                    length, signal, noise, variance_limit, residual_limit,
-                    accepted[own], mean[own], variance[own], factor, joining,
-                )  # fmt: skip
+            if not changed[s]:
+                continue
+            own = slice(starts[s], starts[s + 1])
+            size = rows[s] * (starts[s + 1] - starts[s])
+            factor[:size] = kept[begins[s] : begins[s] + size]
+            accepted[own] = own_accepted[own]
+            mean[own] = own_mean[own]
+            variance[own] = own_variance[own]
+            used = grow_sector(
+                ranges[own], heights[own], seeds[own], caps[own],
+                lent_heights[own], lent_noise[own],
+                length, signal, noise, variance_limit, residual_limit,
+                accepted[own], mean[own], variance[own], factor, rows[s], joining,
+            )  # fmt: skip
+            if turn == 0 and rounds > 0 and np.any(variance[own] >= variance_limit):
+                rows[s] = used
+                begins[s] = filled
+                size = used * (starts[s + 1] - starts[s])
+                while filled + size > kept.shape[0]:
+                    kept = np.concatenate((kept, np.empty_like(kept)))
+                kept[filled : filled + size] = factor[:size]
+                filled += size
     return accepted, mean, variance

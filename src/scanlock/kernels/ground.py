@@ -7,6 +7,9 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
+_BLOCK = 256
+"""Points that are looked at together; what is known of them stays in the cache."""
+
 
 @kernel
 def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
@@ -15,27 +18,30 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Lab
     Of equally low points the one nearer the origin, then the one of smaller x, then of smaller y
     is taken, so that the order of the rows does not matter.
     """
-    lowest = np.full(cell_count, -1, np.int64)
     count = np.zeros(cell_count, np.int64)
     floor = np.full(cell_count, math.inf, np.float64)
     for i in range(points.shape[0]):
-        c = cells[i]
-        if c < 0:
+        if cells[i] >= 0:
+            c = np.uint64(cells[i])
+            count[c] += 1
+            floor[c] = min(floor[c], points[i, 2])
+    # Rows are looked for afterwards: minima alone need no branch that is hard to foretell.
+    lowest = np.full(cell_count, -1, np.int64)
+    for i in range(points.shape[0]):
+        if cells[i] < 0 or points[i, 2] != floor[np.uint64(cells[i])]:
             continue
-        count[c] += 1
-        z = points[i, 2]
-        if z < floor[c]:
-            floor[c] = z
+        c = cells[i]
+        j = lowest[c]
+        if j < 0:
             lowest[c] = i
-        elif z == floor[c]:
-            j = lowest[c]
-            xi = points[i, 0]
-            yi = points[i, 1]
-            xj = points[j, 0]
-            yj = points[j, 1]
-            lead = xj * xj + yj * yj - xi * xi - yi * yi
-            if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
-                lowest[c] = i
+            continue
+        xi = points[i, 0]
+        yi = points[i, 1]
+        xj = points[j, 0]
+        yj = points[j, 1]
+        lead = xj * xj + yj * yj - xi * xi - yi * yi
+        if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
+            lowest[c] = i
     return lowest, count
 
 
@@ -79,72 +85,80 @@ def count_low_points(
         if i >= 0:
             floor[k] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
     for i in range(points.shape[0]):
-        k = cells[i]
-        if k < 0:
+        if cells[i] < 0:
             continue
+        k = np.uint64(cells[i])
         rise = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - floor[k]
-        if rise < reach * near[k]:
-            within[k] += 1
-            if rise < near[k]:
-                close[k] += 1
+        within[k] += rise < reach * near[k]
+        close[k] += rise < near[k]
     return close, within
 
 
 @kernel
-def heights_above_knots(
-    points: Points,
-    cells: Labels,
-    plane: Vector,
-    knot_range: Vector,
-    knot_height: Vector,
-    slope_in: Vector,
-    slope_out: Vector,
-) -> Vector:
-    """Return the height of each point above a piecewise linear model; NaN where there is none.
+def _split_by_height(
+    height: Vector, limits: Vector, limit: float, is_ground: Mask, is_below: Mask
+) -> tuple[int, int]:
+    """Write which heights are on the ground and below it; see `split_by_knots`.
+
+    Apart from where heights come from, loops this simple use vector units.
+    """
+    near = 0
+    close = 0
+    for i in range(height.shape[0]):
+        near += abs(height[i]) < 3.0 * limit
+        close += abs(height[i]) < limit
+    for i in range(height.shape[0]):
+        is_ground[i] = abs(height[i]) < limits[i]
+        is_below[i] = height[i] <= -limit
+    return near, close
+
+
+@kernel
+def split_by_knots(
+    points: Points, cells: Labels, plane: Vector, knots: Matrix, limit: float
+) -> tuple[Vector, Mask, Mask, int, int]:
+    """Return heights above a piecewise linear model, and which points are on it and below it.
 
     `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
-    has one knot, the modelled height above that plane at one range, and the slopes with which
-    the model leaves the knot inwards and outwards. A NaN `knot_height` means no model.
+    has one knot, a row of `knots`: a range, the modelled height above that plane there, the
+    slopes with which the model leaves the knot inwards and outwards, and how close to the model
+    a point of the cell is ground. NaN means no model.
+
+    Returns
+    -------
+    height : (n,)
+        NaN where there is no model; such a point is none of the following.
+    is_ground, is_below : (n,)
+        Within the limit of its cell, and within `limit`; under ``-limit``.
+    near, close : int
+        Points within three and one `limit`.
     """
     n = points.shape[0]
     height = np.empty(n, np.float64)
+    is_ground = np.empty(n, np.bool_)
+    is_below = np.empty(n, np.bool_)
+    near = 0
+    close = 0
     a = plane[0]
     b = plane[1]
     c = plane[2]
     d = plane[3]
-    for i in range(n):
-        k = cells[i]
-        if k < 0:
-            height[i] = math.nan
-            continue
-        x = points[i, 0]
-        y = points[i, 1]
-        step = math.sqrt(x * x + y * y) - knot_range[k]
-        slope = slope_in[k] if step < 0.0 else slope_out[k]
-        height[i] = a * x + b * y + c * points[i, 2] + d - knot_height[k] - slope * step
-    return height
-
-
-@kernel
-def split_by_height(
-    height: Vector, cells: Labels, limits: Vector, limit: float
-) -> tuple[Mask, Mask, int, int]:
-    """Return which heights are on the ground, which below it, and how many near and close to it.
-
-    On the ground is within ``limits[c]`` of zero in cell c, below it under ``-limit``; near and
-    close are within three and one `limit`. NaN is none of these.
-    """
-    n = height.shape[0]
-    within = np.zeros(n, np.bool_)
-    below = np.zeros(n, np.bool_)
-    near = 0
-    close = 0
-    for i in range(n):
-        h = height[i]
-        if abs(h) < 3.0 * limit:
-            near += 1
-        if abs(h) < limit:
-            close += 1
-            within[i] = abs(h) < limits[cells[i]]
-        below[i] = h <= -limit
-    return within, below, near, close
+    limits = np.empty(_BLOCK, np.float64)
+    for start in range(0, n, _BLOCK):
+        count = min(_BLOCK, n - start)
+        for i in range(count):
+            cell = cells[start + i]
+            k = np.uint64(max(cell, 0))
+            x = points[start + i, 0]
+            y = points[start + i, 1]
+            step = math.sqrt(x * x + y * y) - knots[k, 0]
+            # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
+            model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
+            h = a * x + b * y + c * points[start + i, 2] + d - model
+            height[start + i] = h if cell >= 0 else math.nan
+            limits[i] = min(limit, knots[k, 4])
+        own = slice(start, start + count)
+        both = _split_by_height(height[own], limits, limit, is_ground[own], is_below[own])
+        near += both[0]
+        close += both[1]
+    return height, is_ground, is_below, near, close

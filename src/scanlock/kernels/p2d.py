@@ -1,4 +1,4 @@
-"""Sums of the scores of NDT with their derivatives: rho and Lambda over all that can meet.
+"""P2D: sums of the scores of points against Gaussians, with their derivatives.
 
 The score of a pair at squared Mahalanobis distance ``s`` is ``-w exp(-sharpness s / 2) W(s)``,
 with a window W that falls from 1 at `window_start` to 0 at `window_end` with two continuous

@@ -1,11 +1,23 @@
-"""Polar cells of points: sector by azimuth, bin by horizontal range."""
+"""Polar cells of points: sector by azimuth, bin by horizontal range.
+
+There is no arc tangent: azimuth is measured in `quarter_turns`, range in metres. Two tables tell
+the sector and the bin in which each small step of them begins; no step has two borders in it, so
+one comparison settles the rest.
+"""
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Points, Vector
 from scanlock.kernels._compile import kernel
+
+_BLOCK = 256
+"""Points whose coordinates are taken apart at a time; what is known of them stays in the cache."""
+
+_Rows = NDArray[np.uint32]
+"""Rows of tables. Unsigned, as Numba looks at the sign of other indices before it uses them."""
 
 
 @kernel
@@ -18,56 +30,99 @@ def quarter_turns(x: float, y: float) -> float:
 
 
 @kernel
-def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
-    """Return the cell ``sector * bins + bin`` of each (n, 3) point, -1 from the last edge on.
+def _sector_table(sectors: int) -> tuple[Vector, _Rows]:
+    """Return where sectors begin, in quarter turns, and the one in which each step begins.
 
-    `edges` is ascending from 0; a range on an edge belongs to the bin outside it. There is no
-    arc tangent: azimuth is measured in `quarter_turns`, range in metres; two tables tell the
-    sector and the bin in which each small step of them begins, and a comparison or two settle
-    the rest.
+    There are ``8 sectors`` steps; no sector measures less than six of them.
     """
-    bins = edges.shape[0] - 1
-    width = edges[1] - edges[0]
-    first_bin = np.empty(math.ceil(edges[bins] / width) + 1, np.int64)
-    b = 0
-    for k in range(first_bin.shape[0]):
-        while b + 1 < bins and edges[b + 1] <= k * width:
-            b += 1
-        first_bin[k] = b
-    # The last borders are out of reach: what rounds up to them stays in the last bin or sector.
-    ends = edges[1:].copy()
-    ends[bins - 1] = math.inf
+    # The last border is out of reach: what rounds up to it stays in the last sector.
     borders = np.full(sectors + 1, math.inf, np.float64)
     for s in range(sectors):
         angle = s * 2.0 * math.pi / sectors
         borders[s] = quarter_turns(math.cos(angle), math.sin(angle))
-    scale = 2.0 * sectors
-    first_sector = np.empty(8 * sectors + 1, np.int64)
+    first = np.empty(8 * sectors + 1, np.uint32)
     s = 0
-    for k in range(first_sector.shape[0]):
-        while borders[s + 1] <= k / scale:
+    for k in range(first.shape[0]):
+        while borders[s + 1] <= k / (2.0 * sectors):
             s += 1
-        first_sector[k] = s
+        first[k] = s
+    return borders, first
 
-    cells = np.empty(points.shape[0], np.int64)
-    limit = edges[bins] * edges[bins]
-    for i in range(points.shape[0]):
-        x = points[i, 0]
-        y = points[i, 1]
-        squared = x * x + y * y
-        if not squared < limit:
-            cells[i] = -1
-            continue
-        turns = quarter_turns(x, y)
-        s = first_sector[int(turns * scale)]
-        while turns >= borders[s + 1]:
-            s += 1
-        distance = math.sqrt(squared)
-        b = first_bin[int(distance / width)]
-        # The quotient may have been rounded up across an edge.
-        if distance < edges[b]:
-            b -= 1
-        while distance >= ends[b]:
+
+@kernel
+def _bin_table(edges: Vector, step: float) -> tuple[Vector, _Rows]:
+    """Return where bins end, and the one in which each step of the range begins."""
+    bins = edges.shape[0] - 1
+    ends = edges[1:].copy()
+    ends[bins - 1] = math.inf
+    first = np.empty(math.ceil(edges[bins] / step) + 2, np.uint32)
+    b = 0
+    for k in range(first.shape[0]):
+        # A range may be rounded up across the beginning of its step.
+        while b + 1 < bins and edges[b + 1] <= k * step * (1.0 - 1e-12):
             b += 1
-        cells[i] = s * bins + b
+        first[k] = b
+    return ends, first
+
+
+@kernel
+def _measure(
+    x: Vector,
+    y: Vector,
+    limit: float,
+    sector_steps: float,
+    bin_steps: float,
+    turns: Vector,
+    ranges: Vector,
+    sector_step: _Rows,
+    bin_step: _Rows,
+) -> None:
+    """Write the azimuth and range of each point, and the steps of the tables they fall into."""
+    for i in range(x.shape[0]):
+        # As in `quarter_turns`; a loop with a call in it does not use vector units.
+        share = y[i] / (abs(x[i]) + abs(y[i]) + 1e-300)
+        turn = share if x[i] >= 0.0 else 2.0 - share
+        turn = turn if turn >= 0.0 else turn + 4.0
+        distance = math.sqrt(x[i] * x[i] + y[i] * y[i])
+        turns[i] = turn
+        ranges[i] = distance
+        sector_step[i] = np.uint32(turn * sector_steps)
+        bin_step[i] = np.uint32(min(distance, limit) * bin_steps)
+
+
+@kernel
+def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
+    """Return the cell ``sector * bins + bin`` of each (n, 3) point, -1 from the last edge on.
+
+    `edges` is ascending from 0, no bin narrower than the first but for the last; a range on an
+    edge belongs to the bin outside it.
+    """
+    n = points.shape[0]
+    bins = edges.shape[0] - 1
+    limit = float(edges[bins])
+    # Half the first bin, so that a step has one edge at most for all the rounding.
+    step = 0.5 * (edges[1] - edges[0])
+    borders, first_sector = _sector_table(sectors)
+    ends, first_bin = _bin_table(edges, step)
+    cells = np.empty(n, np.int64)
+    x = np.zeros(_BLOCK, np.float64)
+    y = np.zeros(_BLOCK, np.float64)
+    turns = np.empty(_BLOCK, np.float64)
+    ranges = np.empty(_BLOCK, np.float64)
+    sector_step = np.empty(_BLOCK, np.uint32)
+    bin_step = np.empty(_BLOCK, np.uint32)
+    one = np.uint32(1)
+    for start in range(0, n, _BLOCK):
+        count = min(_BLOCK, n - start)
+        for i in range(count):
+            x[i] = points[start + i, 0]
+            y[i] = points[start + i, 1]
+        _measure(x, y, limit, 2.0 * sectors, 1.0 / step, turns, ranges, sector_step, bin_step)
+        for i in range(count):
+            s = first_sector[sector_step[i]]
+            s += np.uint32(turns[i] >= borders[s + one])
+            b = first_bin[bin_step[i]]
+            b += np.uint32(ranges[i] >= ends[b])
+            cell = np.int64(s) * bins + np.int64(b)
+            cells[start + i] = cell if ranges[i] < limit else -1
     return cells

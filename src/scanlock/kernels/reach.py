@@ -1,97 +1,123 @@
-"""Which Gaussians of one scan lie within reach of each of the other."""
+"""Which Gaussians can meet: pairs of means closer than the largest variances of either allow."""
 
 import math
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.arrays import Labels, Points, Vector
+from scanlock.kernels._compile import kernel, sum_kernel, sum_part
 
-_MOST_TILES_A_SIDE = 256
-"""Wide maps get wider tiles instead of more memory."""
-
-
-@kernel
-def _tiled(
-    target: Matrix, x: float, y: float, width: float, columns: int, rows: int
-) -> tuple[Labels, Labels, Matrix]:
-    """Return the rows of the targets tile by tile, where tiles start, and means with widths.
-
-    Tile ``row * columns + column`` of the xy plane starts at ``(x, y) + width * (column, row)``.
-    """
-    count = target.shape[0]
-    tiles = np.empty(count, np.int64)
-    starts = np.zeros(columns * rows + 1, np.int64)
-    for j in range(count):
-        column = min(int((target[j, 0] - x) / width), columns - 1)
-        row = min(int((target[j, 1] - y) / width), rows - 1)
-        tiles[j] = row * columns + column
-        starts[tiles[j] + 1] += 1
-    for tile in range(columns * rows):
-        starts[tile + 1] += starts[tile]
-    cursor = starts.copy()
-    order = np.empty(count, np.int64)
-    places = np.empty((count, 4))
-    for j in range(count):
-        place = cursor[tiles[j]]
-        cursor[tiles[j]] += 1
-        order[place] = j
-        places[place, 0], places[place, 1] = target[j, 0], target[j, 1]
-        places[place, 2], places[place, 3] = target[j, 2], target[j, 9]
-    return order, starts, places
+_MOST_CELLS = 128
+"""Cells along a side of the grid that targets are sorted into."""
 
 
 @kernel
-def targets_in_reach(
-    target: Matrix, places: Points, widths: Vector, skins: Vector, window_end: float
+def _sorted_by_cell(
+    means: Points, corner: Vector, width: float, columns: int, rows: int
 ) -> tuple[Labels, Labels]:
-    """Return where the list of each source starts, (m + 1,), and the members of the lists.
+    """Return where each square cell of the xy plane begins in an order of the means, and that."""
+    starts = np.zeros(columns * rows + 1, np.int64)
+    cells = np.empty(means.shape[0], np.int64)
+    for j in range(means.shape[0]):
+        column = min(columns - 1, int((means[j, 0] - corner[0]) / width))
+        row = min(rows - 1, int((means[j, 1] - corner[1]) / width))
+        cells[j] = row * columns + column
+        starts[cells[j] + 1] += 1
+    for cell in range(columns * rows):
+        starts[cell + 1] += starts[cell]
+    order = np.empty(means.shape[0], np.int64)
+    cursor = starts[:-1].copy()
+    for j in range(means.shape[0]):
+        order[cursor[cells[j]]] = j
+        cursor[cells[j]] += 1
+    return starts, order
 
-    In reach are the targets whose mean is nearer than ``sqrt(window_end (sum of widths))`` and
-    the skin of the source [m]; a few beyond may be listed. Rows of `target` (k, 11) hold mean,
-    packed covariance, width and weight; `places` (m, 3) are the means of the sources in its frame.
+
+@sum_part
+def _take_near(
+    x: Vector, y: Vector, z: Vector, widths: Vector, rows: Labels, begin: int, end: int,
+    x0: float, y0: float, z0: float, scale: float, limit: float,
+    excess: Vector, members: Labels, filled: int,
+) -> int:  # fmt: skip
+    """Append the rows of the near ones of a run of targets; return how many there are then."""
+    for t in range(begin, end):
+        dx, dy, dz = x[t] - x0, y[t] - y0, z[t] - z0
+        excess[t] = dx * dx + dy * dy + dz * dz - scale * widths[t]
+    place = np.uint64(filled)
+    for t in range(begin, end):
+        # Written every time and kept only when near: no branch to guess.
+        members[place] = rows[t]
+        place += np.uint64(excess[t] < limit)
+    return int(place)
+
+
+@sum_kernel
+def targets_in_reach(
+    target_means: Points,
+    target_widths: Vector,
+    places: Points,
+    source_widths: Vector,
+    scale: float,
+    margin: float,
+    first: int,
+    enough: int,
+) -> tuple[Labels, Labels]:
+    """Return the targets within reach of each source from row `first` on, and none but these.
+
+    A target is in reach when its squared distance is below ``scale (w_t + w_s) + margin``, with
+    the widths w of both. Source ``first + i`` has the ``members[starts[i] : starts[i + 1]]``. It
+    ends after the source that brings the number of members to `enough`.
+
+    Parameters
+    ----------
+    target_means, places : (k, 3), (m, 3) [m]
+    target_widths, source_widths : (k,), (m,) [m^2]
+    scale : float
+    margin : float [m^2]
+    first, enough : int
     """
-    count, sources = target.shape[0], places.shape[0]
-    starts = np.zeros(sources + 1, np.int64)
-    if count == 0 or sources == 0:
+    k, m = target_means.shape[0], places.shape[0]
+    starts = np.zeros(m - first + 1, np.int64)
+    if k == 0 or m == 0:
         return starts, np.empty(0, np.int64)
-    low_x, low_y, high_x, high_y = math.inf, math.inf, -math.inf, -math.inf
-    widest = 0.0
-    for j in range(count):
-        low_x, high_x = min(low_x, target[j, 0]), max(high_x, target[j, 0])
-        low_y, high_y = min(low_y, target[j, 1]), max(high_y, target[j, 1])
-        widest = max(widest, target[j, 9])
-    reach = 0.0
-    for i in range(sources):
-        reach += math.sqrt(window_end * (widths[i] + widest)) + skins[i]
-    span = max(high_x - low_x, high_y - low_y)
-    # Half a reach: the tiles around a source then cover little more than what is in reach.
-    tile = max(0.5 * reach / sources, span / _MOST_TILES_A_SIDE, 1e-9)
-    columns, rows = int((high_x - low_x) / tile) + 1, int((high_y - low_y) / tile) + 1
-    order, firsts, means = _tiled(target, low_x, low_y, tile, columns, rows)
-    members = np.empty(8 * sources + count, np.int64)
-    length = 0
-    for i in range(sources):
-        y0, y1, y2, skin = places[i, 0], places[i, 1], places[i, 2], skins[i]
-        farthest = math.sqrt(window_end * (widths[i] + widest)) + skin
-        # (r + skin)^2 <= (1 + e) r^2 + (1 + 1 / e) skin^2 for any e, so no pair needs a root.
-        share = max(skin / max(farthest - skin, 1e-9), 1e-9)
-        factor = (1.0 + share) * window_end
-        rest = (1.0 + 1.0 / share) * skin * skin + factor * widths[i]
-        left = math.floor(max((y0 - farthest - low_x) / tile, 0.0))
-        right = math.floor(min((y0 + farthest - low_x) / tile, columns - 1.0))
-        bottom = math.floor(max((y1 - farthest - low_y) / tile, 0.0))
-        top = math.floor(min((y1 + farthest - low_y) / tile, rows - 1.0))
-        if right >= left:
-            for row in range(bottom, top + 1):
-                first, last = firsts[row * columns + left], firsts[row * columns + right + 1]
-                if length + last - first > members.shape[0]:
-                    longer = np.empty(2 * members.shape[0] + last - first, np.int64)
-                    longer[:length] = members[:length]
-                    members = longer
-                for m in range(first, last):
-                    q0, q1, q2 = y0 - means[m, 0], y1 - means[m, 1], y2 - means[m, 2]
-                    members[length] = order[m]
-                    length += q0 * q0 + q1 * q1 + q2 * q2 < rest + factor * means[m, 3]
-        starts[i + 1] = length
-    return starts, members[:length]
+    widest = target_widths.max()
+    corner = np.array([target_means[:, 0].min(), target_means[:, 1].min()])
+    sides = max(target_means[:, 0].max() - corner[0], target_means[:, 1].max() - corner[1])
+    reach = math.sqrt(scale * (widest + source_widths.max()) + margin)
+    # Half the reach: of what is looked at, half is in reach.
+    width = max(0.5 * reach, sides / _MOST_CELLS, 1e-9)
+    columns = int((target_means[:, 0].max() - corner[0]) / width) + 1
+    rows = int((target_means[:, 1].max() - corner[1]) / width) + 1
+    begins, order = _sorted_by_cell(target_means, corner, width, columns, rows)
+    x, y, z, widths = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+    for t in range(k):
+        j = order[t]
+        x[t], y[t], z[t] = target_means[j, 0], target_means[j, 1], target_means[j, 2]
+        widths[t] = target_widths[j]
+
+    excess = np.empty(k, np.float64)
+    members = np.empty(16 * m + k, np.int64)
+    filled = 0
+    for i in range(first, m):
+        x0, y0, z0 = places[i, 0], places[i, 1], places[i, 2]
+        limit = scale * source_widths[i] + margin
+        radius = math.sqrt(scale * widest + limit)
+        # Far places are cut to the grid while they are no whole numbers: those could overflow.
+        first_column = int(min(max((x0 - radius - corner[0]) / width, 0.0), float(columns)))
+        last_column = int(min(max((x0 + radius - corner[0]) / width + 1.0, 0.0), float(columns)))
+        first_row = int(min(max((y0 - radius - corner[1]) / width, 0.0), float(rows)))
+        last_row = int(min(max((y0 + radius - corner[1]) / width + 1.0, 0.0), float(rows)))
+        if members.shape[0] < filled + k:
+            members = np.concatenate((members, np.empty(members.shape[0] + k, np.int64)))
+        if first_column < last_column:
+            for row in range(first_row, last_row):
+                begin = begins[row * columns + first_column]
+                end = begins[row * columns + last_column]
+                filled = _take_near(
+                    x, y, z, widths, order, begin, end, x0, y0, z0, scale, limit,
+                    excess, members, filled,
+                )  # fmt: skip
+        starts[i - first + 1] = filled
+        if filled >= enough:
+            return starts[: i - first + 2].copy(), members[:filled].copy()
+    return starts, members[:filled].copy()

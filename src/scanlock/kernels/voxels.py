@@ -1,14 +1,18 @@
-"""Which cube of a grid each point lies in, found by hashing."""
-
-import math
+"""Which cube of a grid each point lies in, found by hashing, and the moments of the cubes."""
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector
+from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
 _LOW_BITS = (1 << 20) - 1
 """What the hash takes of an index, so that no product overflows."""
+
+_BLOCK = 256
+"""Points whose cubes are computed at a time, for the sake of vector units."""
+
+_FIRST_ROOM = 1024
+"""Cubes there is room for at first."""
 
 
 @kernel
@@ -20,42 +24,207 @@ def _slot(i: int, j: int, k: int, last: int) -> int:
 
 
 @kernel
+def _find(table: Labels, cells: Labels, i: int, j: int, k: int) -> int:
+    """Return the slot of a cube: where its row is, or the empty one where it belongs."""
+    last = table.shape[0] - 1
+    slot = _slot(i, j, k, last)
+    row = table[slot]
+    while row >= 0 and not (cells[row, 0] == i and cells[row, 1] == j and cells[row, 2] == k):
+        slot = (slot + 1) & last
+        row = table[slot]
+    return slot
+
+
+@kernel
+def _wider_table(cells: Labels, count: int) -> Labels:
+    """Return the table of `count` cubes with room for as many again."""
+    table = np.full(8 * count, -1, np.int64)
+    for row in range(count):
+        table[_find(table, cells, cells[row, 0], cells[row, 1], cells[row, 2])] = row
+    return table
+
+
+@kernel
+def _cubes(
+    points: Points, start: int, corner: Vector, width: float, place: Matrix, at: Labels
+) -> None:
+    """Write the indices (3, b) of the cubes of the points from `start` on; `place` is scratch."""
+    count = min(at.shape[1], points.shape[0] - start)
+    for p in range(count):
+        place[0, p] = points[start + p, 0]
+        place[1, p] = points[start + p, 1]
+        place[2, p] = points[start + p, 2]
+    for axis in range(3):
+        for p in range(at.shape[1]):
+            at[axis, p] = np.int64(np.floor((place[axis, p] - corner[axis]) / width))
+
+
+@kernel
+def _label_points(
+    points: Points, begin: int, corner: Vector, width: float, labels: Labels,
+    cells: Labels, table: Labels, count: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Label points from row `begin` on until there is no room for a new cube.
+
+    Return the row that comes next, and how many cubes there are now. Arrays that a loop may
+    replace by longer ones are counted anew at each of its rounds, which costs more than all
+    else; so the loop ends, and its caller makes them longer.
+    """
+    n = points.shape[0]
+    place = np.zeros((3, _BLOCK), np.float64)
+    at = np.empty((3, _BLOCK), np.int64)
+    row = -1
+    for start in range(begin, n, _BLOCK):
+        _cubes(points, start, corner, width, place, at)
+        for p in range(min(_BLOCK, n - start)):
+            i, j, k = at[0, p], at[1, p], at[2, p]
+            # Neighbours in a scan mostly share a cube.
+            if row < 0 or cells[row, 0] != i or cells[row, 1] != j or cells[row, 2] != k:
+                slot = _find(table, cells, i, j, k)
+                row = table[slot]
+                if row < 0:
+                    if count == cells.shape[0]:
+                        return start + p, count
+                    row = count
+                    table[slot] = row
+                    cells[row, 0], cells[row, 1], cells[row, 2] = i, j, k
+                    count += 1
+            labels[start + p] = row
+    return n, count
+
+
+@kernel
 def occupied_voxels(points: Points, corner: Vector, width: float) -> tuple[Labels, Labels]:
     """Return the cube (n,) of each point, and the (m, 3) indices of the cubes with points.
 
     Cubes are numbered in the order of their first points. The table of the hash begins small
-    and is doubled as it fills, so a scan of few cubes stays in the cache.
+    and is widened as it fills, so a scan of few cubes stays in the cache.
+    """
+    labels = np.empty(points.shape[0], np.int64)
+    cells = np.empty((_FIRST_ROOM, 3), np.int64)
+    table = np.full(4 * _FIRST_ROOM, -1, np.int64)
+    done, count = _label_points(points, 0, corner, width, labels, cells, table, 0)
+    while done < points.shape[0]:
+        cells = np.concatenate((cells, np.empty_like(cells)))
+        table = _wider_table(cells, count)
+        done, count = _label_points(points, done, corner, width, labels, cells, table, count)
+    return labels, cells[:count].copy()
+
+
+@kernel
+def _add_run(
+    counts: Labels, sums: Matrix, row: int, size: int,
+    sx: float, sy: float, sz: float,
+    sxx: float, sxy: float, sxz: float, syy: float, syz: float, szz: float,
+) -> None:  # fmt: skip
+    """Add the sums over a run of points to those of their cube."""
+    counts[row] += size
+    sums[row, 0] += sx
+    sums[row, 1] += sy
+    sums[row, 2] += sz
+    sums[row, 3] += sxx
+    sums[row, 4] += sxy
+    sums[row, 5] += sxz
+    sums[row, 6] += syy
+    sums[row, 7] += syz
+    sums[row, 8] += szz
+
+
+@kernel
+def _add_points(
+    points: Points, begin: int, corner: Vector, width: float,
+    cells: Labels, counts: Labels, sums: Matrix, table: Labels, count: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Add points from row `begin` on to the sums of their cubes; see `_label_points`.
+
+    As long as points stay in one cube, the sums are kept where adding is fastest.
     """
     n = points.shape[0]
-    labels = np.empty(n, np.int64)
-    cells = np.empty((64, 3), np.int64)
-    table = np.full(256, -1, np.int64)
-    last = table.shape[0] - 1
-    count = 0
-    for p in range(n):
-        i = math.floor((points[p, 0] - corner[0]) / width)
-        j = math.floor((points[p, 1] - corner[1]) / width)
-        k = math.floor((points[p, 2] - corner[2]) / width)
-        slot = _slot(i, j, k, last)
-        row = table[slot]
-        while row >= 0 and not (cells[row, 0] == i and cells[row, 1] == j and cells[row, 2] == k):
-            slot = (slot + 1) & last
-            row = table[slot]
-        if row < 0:
-            row = count
-            table[slot] = row
-            cells[row, 0], cells[row, 1], cells[row, 2] = i, j, k
-            count += 1
-            if count == cells.shape[0]:
-                more = np.empty((2 * count, 3), np.int64)
-                more[:count] = cells
-                cells = more
-                table = np.full(8 * count, -1, np.int64)
-                last = table.shape[0] - 1
-                for one in range(count):
-                    slot = _slot(cells[one, 0], cells[one, 1], cells[one, 2], last)
-                    while table[slot] >= 0:
-                        slot = (slot + 1) & last
-                    table[slot] = one
-        labels[p] = row
-    return labels, cells[:count].copy()
+    place = np.zeros((3, _BLOCK), np.float64)
+    at = np.empty((3, _BLOCK), np.int64)
+    row = -1
+    size = 0
+    x0 = y0 = z0 = 0.0
+    sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+    for start in range(begin, n, _BLOCK):
+        _cubes(points, start, corner, width, place, at)
+        for p in range(min(_BLOCK, n - start)):
+            i, j, k = at[0, p], at[1, p], at[2, p]
+            if row < 0 or cells[row, 0] != i or cells[row, 1] != j or cells[row, 2] != k:
+                if row >= 0:
+                    _add_run(counts, sums, row, size, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz)
+                slot = _find(table, cells, i, j, k)
+                row = table[slot]
+                if row < 0:
+                    if count == cells.shape[0]:
+                        return start + p, count
+                    row = count
+                    table[slot] = row
+                    cells[row, 0], cells[row, 1], cells[row, 2] = i, j, k
+                    count += 1
+                x0 = corner[0] + (i + 0.5) * width
+                y0 = corner[1] + (j + 0.5) * width
+                z0 = corner[2] + (k + 0.5) * width
+                size = 0
+                sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
+            x = place[0, p] - x0
+            y = place[1, p] - y0
+            z = place[2, p] - z0
+            size += 1
+            sx += x
+            sy += y
+            sz += z
+            sxx += x * x
+            sxy += x * y
+            sxz += x * z
+            syy += y * y
+            syz += y * z
+            szz += z * z
+    if row >= 0:
+        _add_run(counts, sums, row, size, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz)
+    return n, count
+
+
+@kernel
+def voxel_moments(
+    points: Points, corner: Vector, width: float, least_count: int
+) -> tuple[Labels, Labels, Matrix]:
+    """Return the cubes with at least `least_count` points, and the moments of these.
+
+    Sums are taken about the middles of the cubes, so no digits are lost far from zero.
+
+    Returns
+    -------
+    cells : (m, 3)
+        Indices, in the order of first points.
+    counts : (m,)
+    moments : (m, 9)
+        Mean (3) [m] and packed covariance (6) [m^2], divided by the count.
+    """
+    cells = np.empty((_FIRST_ROOM, 3), np.int64)
+    counts = np.zeros(_FIRST_ROOM, np.int64)
+    sums = np.zeros((_FIRST_ROOM, 9), np.float64)
+    table = np.full(4 * _FIRST_ROOM, -1, np.int64)
+    done, count = _add_points(points, 0, corner, width, cells, counts, sums, table, 0)
+    while done < points.shape[0]:
+        cells = np.concatenate((cells, np.empty_like(cells)))
+        counts = np.concatenate((counts, np.zeros_like(counts)))
+        sums = np.concatenate((sums, np.zeros_like(sums)))
+        table = _wider_table(cells, count)
+        done, count = _add_points(points, done, corner, width, cells, counts, sums, table, count)
+    rows = np.flatnonzero(counts[:count] >= least_count)
+    moments = np.empty((rows.shape[0], 9), np.float64)
+    for m in range(rows.shape[0]):
+        row = rows[m]
+        share = 1.0 / counts[row]
+        mx, my, mz = share * sums[row, 0], share * sums[row, 1], share * sums[row, 2]
+        moments[m, 0] = mx + (corner[0] + (cells[row, 0] + 0.5) * width)
+        moments[m, 1] = my + (corner[1] + (cells[row, 1] + 0.5) * width)
+        moments[m, 2] = mz + (corner[2] + (cells[row, 2] + 0.5) * width)
+        moments[m, 3] = share * sums[row, 3] - mx * mx
+        moments[m, 4] = share * sums[row, 4] - mx * my
+        moments[m, 5] = share * sums[row, 5] - mx * mz
+        moments[m, 6] = share * sums[row, 6] - my * my
+        moments[m, 7] = share * sums[row, 7] - my * mz
+        moments[m, 8] = share * sums[row, 8] - mz * mz
+    return cells[rows], counts[rows], moments

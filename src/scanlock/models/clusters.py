@@ -5,26 +5,26 @@ Phi lets two bins combine. Each Phi here compares two bins and is symmetric, so 
 connected component of the graph of combinable neighbours, whatever the seed and the order.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from scanlock.arrays import Labels, Mask, Points, Vector, read_only
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import require_at_least, require_fraction, require_positive
-from scanlock.kernels.grouping import occupied_cells, split_by_extent
+from scanlock.kernels.cutting import cut_by_extent
+from scanlock.kernels.grouping import joined_groups, occupied_cells, touching_cells
 from scanlock.models.gaussians import Gaussians
 
 
 class MergeTest(Protocol):
     """Phi: whether the points of two bins can be combined."""
 
-    def merges(self, first: Gaussians, second: Gaussians) -> Mask:
-        """Return (m,) whether bin k of `first` combines with bin k of `second`."""
+    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
         ...
 
 
@@ -38,9 +38,9 @@ class MeanDistance:
     def __post_init__(self) -> None:
         require_positive("limit", self.limit, unit="m")
 
-    def merges(self, first: Gaussians, second: Gaussians) -> Mask:
-        """Return (m,) whether bin k of `first` combines with bin k of `second`."""
-        gap = first.means - second.means
+    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+        gap = bins.means[first] - bins.means[second]
         return np.einsum("mi,mi->m", gap, gap) < self.limit**2
 
 
@@ -63,9 +63,10 @@ class L2Distance:
         require_fraction("least_correlation", self.least_correlation)
         require_positive("deviation_floor", self.deviation_floor, unit="m")
 
-    def merges(self, first: Gaussians, second: Gaussians) -> Mask:
-        """Return (m,) whether bin k of `first` combines with bin k of `second`."""
-        a, b = first.floored(self.deviation_floor), second.floored(self.deviation_floor)
+    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+        floored = bins.floored(self.deviation_floor)
+        a, b = floored.taken(first), floored.taken(second)
         both = a.covariances + b.covariances
         squared = _squared_mahalanobis(a.means - b.means, both)
         # N(0; 0, 2S) = 1 / sqrt(det(2 pi 2 S)): the factors of 2 pi cancel in the ratio.
@@ -92,15 +93,14 @@ class GaussianFit:
         require_positive("limit", self.limit)
         require_positive("deviation_floor", self.deviation_floor, unit="m")
 
-    def merges(self, first: Gaussians, second: Gaussians) -> Mask:
-        """Return (m,) whether bin k of `first` combines with bin k of `second`."""
-        share = (first.counts / (first.counts + second.counts))[:, None, None]
-        pooled = Gaussians(
-            first.means,
-            share * first.covariances + (1.0 - share) * second.covariances,
-            first.counts,
+    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+        a, b = bins.taken(first), bins.taken(second)
+        share = (a.counts / (a.counts + b.counts))[:, None, None]
+        pooled = Gaussians.from_covariances(
+            a.means, share * a.covariances + (1.0 - share) * b.covariances, a.counts
         ).floored(self.deviation_floor)
-        squared = _squared_mahalanobis(first.means - second.means, pooled.covariances)
+        squared = _squared_mahalanobis(a.means - b.means, pooled.covariances)
         return squared < self.limit**2
 
 
@@ -141,11 +141,15 @@ class ClusterFinder:
         points = read_only(points)
         cells = self.grid.cells(points)
         bin_of_point, occupied = occupied_cells(cells, self.grid.sectors * self.grid.bins)
-        gaussians = Gaussians.from_labels(points, bin_of_point)
-        cluster_of_bin = self._components(occupied, gaussians)
+        bins = Gaussians.from_labels(points, bin_of_point)
+        # Theta: the eight bins around one.
+        first, second = touching_cells(occupied, int(self.grid.sectors), self.grid.bins)
+        joins = self.merge.merges(bins, first, second)
+        cluster_of_bin, count = joined_groups(
+            len(occupied), read_only(first), read_only(second), read_only(joins)
+        )
         # One more entry, so that the label -1 of a point without a bin stays -1.
-        labels = np.append(cluster_of_bin, -1)[bin_of_point]
-        return labels, int(cluster_of_bin.max(initial=-1)) + 1
+        return np.append(cluster_of_bin, -1)[bin_of_point], count
 
     def cut(
         self, points: Points, labels: Labels, count: int, largest_radius: float
@@ -155,33 +159,33 @@ class ClusterFinder:
         Cutting to a large radius first and to a smaller one then gives the same clusters as
         cutting to the smaller one at once.
         """
-        return split_by_extent(read_only(points), read_only(labels), count, largest_radius)
+        rows, runs, _ = _cut(points, labels, count, [largest_radius])
+        order = np.argsort(runs[:, 1])
+        cut = np.full(len(points), -1, np.int64)
+        cut[rows] = np.repeat(order, (runs[:, 2] - runs[:, 1])[order])
+        return cut, len(runs)
 
-    def _components(self, occupied: Labels, gaussians: Gaussians) -> Labels:
-        first, second = self._neighbours(occupied)
-        merged = self.merge.merges(gaussians.taken(first), gaussians.taken(second))
-        first, second = first[merged], second[merged]
-        graph = coo_array(
-            (np.ones(len(first), np.int8), (first, second)), shape=(len(occupied),) * 2
-        )
-        _, cluster_of_bin = connected_components(graph, directed=False)
-        return cluster_of_bin.astype(np.int64)
+    def gaussians(
+        self, points: Points, labels: Labels, count: int, radii: Sequence[float]
+    ) -> list[Gaussians]:
+        """Return the Gaussians of the clusters cut to each radius [m], which must not grow.
 
-    def _neighbours(self, occupied: Labels) -> tuple[Labels, Labels]:
-        """Theta: each pair of occupied bins that touch, once; azimuth wraps, range does not."""
-        sectors, bins = self.grid.sectors, self.grid.bins
-        part_of_cell = np.full(sectors * bins, -1, dtype=np.int64)
-        part_of_cell[occupied] = np.arange(len(occupied))
-        sector, ring = np.divmod(occupied, bins)
-        pairs: list[NDArray[np.int64]] = []
-        for sector_step, ring_step in ((0, 1), (1, -1), (1, 0), (1, 1)):
-            other_ring = ring + ring_step
-            inside = np.flatnonzero((other_ring >= 0) & (other_ring < bins))
-            cell = ((sector[inside] + sector_step) % sectors) * bins + other_ring[inside]
-            found = part_of_cell[cell]
-            pairs.append(np.stack([inside[found >= 0], found[found >= 0]]))
-        first, second = np.concatenate(pairs, axis=1)
-        return first, second
+        Those of clusters as `cut` leaves them, but for those of fewer than `least_count` points.
+        """
+        _, runs, moments = _cut(points, labels, count, radii)
+        sizes = runs[:, 2] - runs[:, 1]
+        kept = [
+            np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.least_count))
+            for scale in range(len(radii))
+        ]
+        return [Gaussians(moments[k, :3], moments[k, 3:], sizes[k]) for k in kept]
+
+
+def _cut(
+    points: Points, labels: Labels, count: int, radii: Sequence[float]
+) -> tuple[Labels, Labels, Matrix]:
+    scales = read_only(np.array(radii, np.float64))
+    return cut_by_extent(read_only(points), read_only(labels), count, scales)
 
 
 def _without_small(labels: Labels, count: int, least_count: int) -> tuple[Labels, int]:

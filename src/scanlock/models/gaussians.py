@@ -13,9 +13,11 @@ from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.flooring import floored_covariances
 from scanlock.kernels.moments import labelled_moments
+from scanlock.kernels.packed import packed_inverses, packed_turned
 
 _PACKED_ROWS = (0, 0, 0, 1, 1, 2)
 _PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)
+_PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,28 +27,39 @@ class Gaussians:
     Attributes
     ----------
     means : (k, 3) [m]
-    covariances : (k, 3, 3) [m^2]
-        Symmetric. `from_labels` divides by the count, as in Das et al. 2013, section VI;
-        those of voxels, from `models.voxel_gaussians`, are divided by the count less one.
+    packed_covariances : (k, 6) [m^2]
+        The upper triangles xx, xy, xz, yy, yz, zz. `from_labels` divides by the count, as in Das
+        et al. 2013, section VI; those of voxels, from `models.voxel_gaussians`, are divided by
+        the count less one.
     counts : (k,)
         Points behind each Gaussian.
     """
 
     means: Points
-    covariances: NDArray[np.float64]
+    packed_covariances: Matrix
     counts: Labels
 
     def __post_init__(self) -> None:
         k = len(self.means)
-        if self.means.shape != (k, 3) or self.covariances.shape != (k, 3, 3):
+        if self.means.shape != (k, 3) or self.packed_covariances.shape != (k, 6):
             raise InvalidInput(
-                "means and covariances must have shapes (k, 3) and (k, 3, 3), got "
-                f"{self.means.shape} and {self.covariances.shape}"
+                "means and packed covariances must have shapes (k, 3) and (k, 6), got "
+                f"{self.means.shape} and {self.packed_covariances.shape}"
             )
         if self.counts.shape != (k,):
             raise InvalidInput(f"counts must have shape ({k},), got {self.counts.shape}")
-        for array in (self.means, self.covariances, self.counts):
+        for array in (self.means, self.packed_covariances, self.counts):
             frozen(array)
+
+    @classmethod
+    def from_covariances(
+        cls, means: Points, covariances: NDArray[np.float64], counts: Labels
+    ) -> "Gaussians":
+        """Return the Gaussians of means (k, 3) [m] and symmetric covariances (k, 3, 3) [m^2]."""
+        if covariances.shape[1:] != (3, 3):
+            raise InvalidInput(f"covariances must have shape (k, 3, 3), got {covariances.shape}")
+        packed = np.ascontiguousarray(covariances[:, _PACKED_ROWS, _PACKED_COLUMNS])
+        return cls(means, packed, counts)
 
     @classmethod
     def from_labels(cls, points: Points, labels: Labels, least_count: int = 1) -> "Gaussians":
@@ -64,44 +77,41 @@ class Gaussians:
         parts = int(labels.max(initial=-1)) + 1
         counts, means, packed = labelled_moments(read_only(points), read_only(labels), parts)
         kept = counts >= least_count
-        return cls(means[kept], unpacked(packed[kept]), counts[kept])
+        return cls(means[kept], packed[kept], counts[kept])
 
     @classmethod
     def joined(cls, parts: "Sequence[Gaussians]") -> "Gaussians":
         """Return the Gaussians of several sets as one, in the order given."""
         joined = cls(
             np.concatenate([part.means for part in parts]),
-            np.concatenate([part.covariances for part in parts]),
+            np.concatenate([part.packed_covariances for part in parts]),
             np.concatenate([part.counts for part in parts]),
         )
         return joined._reshaped(
-            joined.covariances, np.concatenate([part.variances for part in parts])
+            joined.packed_covariances, np.concatenate([part.variances for part in parts])
         )
 
     def __len__(self) -> int:
         return len(self.means)
 
     @cached_property
-    def packed_covariances(self) -> Matrix:
-        """The (k, 6) upper triangles xx, xy, xz, yy, yz, zz, as the kernels read them."""
-        packed = np.ascontiguousarray(self.covariances[:, _PACKED_ROWS, _PACKED_COLUMNS])
-        frozen(packed)
-        return packed
+    def covariances(self) -> NDArray[np.float64]:
+        """The (k, 3, 3) covariances [m^2]."""
+        covariances = unpacked(self.packed_covariances)
+        frozen(covariances)
+        return covariances
 
     @cached_property
     def packed_precisions(self) -> Matrix:
         """The (k, 6) upper triangles of the inverse covariances."""
-        precisions = np.linalg.inv(self.covariances)
-        packed = np.ascontiguousarray(
-            precisions[:, _PACKED_ROWS, _PACKED_COLUMNS], dtype=np.float64
-        )
-        frozen(packed)
-        return packed
+        precisions = packed_inverses(read_only(self.packed_covariances))
+        frozen(precisions)
+        return precisions
 
     @cached_property
     def variances(self) -> Matrix:
         """The (k, 3) variances [m^2] along the principal axes, ascending."""
-        variances = np.linalg.eigvalsh(self.covariances).astype(np.float64, copy=False)
+        _, variances = floored_covariances(read_only(self.packed_covariances), 0.0, 0.0)
         frozen(variances)
         return variances
 
@@ -126,7 +136,7 @@ class Gaussians:
 
     def taken(self, rows: Labels | Mask) -> "Gaussians":
         """Return the Gaussians at the given rows, in that order."""
-        return Gaussians(self.means[rows], self.covariances[rows], self.counts[rows])
+        return Gaussians(self.means[rows], self.packed_covariances[rows], self.counts[rows])
 
     def floored(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
         """Return the same Gaussians with no principal deviation too small to invert.
@@ -140,32 +150,31 @@ class Gaussians:
         """
         require_positive("deviation", deviation, unit="m")
         require_at_least("ratio", ratio, 0.0)
-        covariances, variances = floored_covariances(
-            read_only(self.covariances), float(deviation) ** 2, float(ratio)
+        packed, variances = floored_covariances(
+            read_only(self.packed_covariances), float(deviation) ** 2, float(ratio)
         )
-        return self._reshaped(covariances, variances)
+        return self._reshaped(packed, variances)
 
     def scaled(self, factor: float) -> "Gaussians":
         """Return the same Gaussians with every standard deviation `factor` times as large."""
         require_positive("factor", factor)
-        return self._reshaped(self.covariances * factor**2, self.variances * factor**2)
+        return self._reshaped(self.packed_covariances * factor**2, self.variances * factor**2)
 
     def widened(self, deviation: float) -> "Gaussians":
         """Return the Gaussians blurred by an isotropic one of standard deviation [m]."""
         require_at_least("deviation", deviation, 0.0, unit="m")
         return self._reshaped(
-            self.covariances + deviation**2 * np.eye(3), self.variances + deviation**2
+            self.packed_covariances + deviation**2 * _PACKED_IDENTITY,
+            self.variances + deviation**2,
         )
 
     def transformed(self, pose: Pose) -> "Gaussians":
         """Return the Gaussians moved by a pose; covariances turn with it."""
-        rotation = pose.rotation
-        return Gaussians(
-            pose.apply(self.means), rotation @ self.covariances @ rotation.T, self.counts
-        )
+        turned = packed_turned(read_only(self.packed_covariances), pose.rotation)
+        return Gaussians(pose.apply(self.means), turned, self.counts)
 
-    def _reshaped(self, covariances: NDArray[np.float64], variances: Matrix) -> "Gaussians":
-        reshaped = Gaussians(self.means, covariances, self.counts)
+    def _reshaped(self, packed: Matrix, variances: Matrix) -> "Gaussians":
+        reshaped = Gaussians(self.means, packed, self.counts)
         frozen(variances)
         # The principal variances are known here, and decomposing anew costs more than a score.
         reshaped.__dict__["variances"] = variances
@@ -174,7 +183,7 @@ class Gaussians:
     def __reduce__(self) -> tuple[Any, ...]:
         return Gaussians, (
             np.array(self.means),
-            np.array(self.covariances),
+            np.array(self.packed_covariances),
             np.array(self.counts),
         )
 

@@ -16,13 +16,13 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.ground import split_by_height, turned_points
+from scanlock.kernels.ground import split_by_knots, turned_points
 from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import fit_base_surface
-from scanlock.models.ground_model import BLUNT_LIMIT, heights_above_model, modelled_heights
+from scanlock.models.ground_model import knots_of_model, modelled_heights
 from scanlock.models.ground_plane import BasePlane, fit_base_plane
 from scanlock.models.ground_prototypes import Prototypes
-from scanlock.models.ground_published import published_heights
+from scanlock.models.ground_published import published_knots
 from scanlock.models.ground_result import Ground as Ground
 from scanlock.models.ground_result import GroundStatus as GroundStatus
 
@@ -32,6 +32,9 @@ _LEAST_PROTOTYPES = 10
 _LEAST_BREADTH = 0.5
 """Standard deviation [m] that the ground must spread along both its axes (ours): the foot of a
 wall is a line, a step of a stair a narrow strip."""
+
+_UPWARDS = np.array([0.0, 0.0, 1.0, 0.0])
+"""The plane of the published form: z at the height of the sensor."""
 
 _FIRM_SUPPORT = 0.2
 """Share of the lowest points on the base plane from which its tilt is believed (ours)."""
@@ -177,11 +180,12 @@ class GroundFinder:
             variance_limit=self.variance_limit,
             residual_limit=self.residual_limit,
         )
-        height = heights_above_model(points, prototypes, plane, modelled)
-        limits = np.full(len(prototypes.lowest), self.height_limit)
-        limits[prototypes.cells[~base.sharp]] = min(self.height_limit, BLUNT_LIMIT)
-        is_ground, is_below, near, close = split_by_height(
-            read_only(height), prototypes.cell_of_point, read_only(limits), self.height_limit
+        height, is_ground, is_below, near, close = split_by_knots(
+            read_only(points),
+            prototypes.cell_of_point,
+            plane.coefficients,
+            knots_of_model(prototypes, modelled, base.sharp, self.height_limit),
+            self.height_limit,
         )
         doubt = self._doubt_about(prototypes.points[accepted], len(accepted), close, near)
         if doubt:
@@ -234,8 +238,7 @@ class GroundFinder:
 
     def _find_published(self, cloud: PointCloud) -> Ground:
         prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
-        height, sectors = published_heights(
-            cloud.points,
+        knots, sectors = published_knots(
             prototypes,
             self.process,
             variance_limit=self.variance_limit,
@@ -243,12 +246,16 @@ class GroundFinder:
             seed_height=self.seed_height,
             seed_range=self.seed_range,
             seed_count=self.seed_count,
+            height_limit=self.height_limit,
         )
         if sectors == 0:
             return Ground.none(len(cloud), "no sector has two prototypes to start from")
-        limits = read_only(np.full(len(prototypes.lowest), self.height_limit))
-        is_ground, is_below, _, _ = split_by_height(
-            read_only(height), prototypes.cell_of_point, limits, self.height_limit
+        height, is_ground, is_below, _, _ = split_by_knots(
+            cloud.points,
+            prototypes.cell_of_point,
+            read_only(_UPWARDS),
+            knots,
+            self.height_limit,
         )
         return Ground(
             is_ground=is_ground,

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from scanlock.arrays import Mask, Points, Vector, frozen, read_only
-from scanlock.kernels.ground import heights_above_knots
+from scanlock.arrays import Mask, Matrix, Vector, frozen
 from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import BaseSurface
 from scanlock.models.ground_plane import BasePlane
@@ -57,23 +56,25 @@ def modelled_heights(
     return accepted, mean + base.height
 
 
-def heights_above_model(
-    points: Points, prototypes: Prototypes, plane: BasePlane, modelled: Vector
-) -> Vector:
-    """Return the (m,) heights [m] of all points above the model, linear between prototypes.
+def knots_of_model(
+    prototypes: Prototypes, modelled: Vector, sharp: Mask, height_limit: float
+) -> Matrix:
+    """Return the knots of all cells for `split_by_knots`: the model is linear between prototypes.
 
-    `modelled` is the (n,) height of the model above `plane` at each prototype, NaN for none.
+    `modelled` is the (n,) height of the model above the base plane at each prototype, NaN for
+    none; in cells that are not `sharp` (n,), ground lies closer to it than `height_limit` [m].
     """
     with np.errstate(invalid="ignore"):
         slopes = np.diff(modelled) / np.maximum(np.diff(prototypes.ranges), _LEAST_STEP)
     slopes[prototypes.starts[1:-1][_inner(prototypes)] - 1] = np.nan
     slopes = np.nan_to_num(np.concatenate([[0.0], slopes, [0.0]]))
-    knots = np.full((4, len(prototypes.lowest)), np.nan)
-    knots[:, prototypes.cells] = prototypes.ranges, modelled, slopes[:-1], slopes[1:]
-    frozen(knots)
-    return heights_above_knots(
-        read_only(points), prototypes.cell_of_point, plane.coefficients, *knots
+    limits = np.where(sharp, height_limit, min(height_limit, BLUNT_LIMIT))
+    knots = np.full((len(prototypes.lowest), 5), np.nan)
+    knots[prototypes.cells] = np.stack(
+        [prototypes.ranges, modelled, slopes[:-1], slopes[1:], limits], axis=1
     )
+    frozen(knots)
+    return knots
 
 
 def _inner(prototypes: Prototypes) -> Mask:

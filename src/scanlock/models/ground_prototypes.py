@@ -64,5 +64,5 @@ class Prototypes:
 
     def sectors_of(self, chosen: Mask) -> int:
         """Return how many sectors hold a chosen prototype."""
-        sectors = np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts))
-        return len(np.unique(sectors[chosen]))
+        before = np.concatenate([[0], np.cumsum(chosen)])
+        return int(np.count_nonzero(np.diff(before[self.starts])))

@@ -2,16 +2,12 @@
 
 import numpy as np
 
-from scanlock.arrays import Mask, Points, Vector, read_only
-from scanlock.kernels.ground import heights_above_knots
+from scanlock.arrays import Matrix, frozen
 from scanlock.models.gaussian_process import GaussianProcess
 from scanlock.models.ground_prototypes import Prototypes
 
-_UPWARDS = np.array([0.0, 0.0, 1.0, 0.0])
 
-
-def published_heights(
-    points: Points,
+def published_knots(
     prototypes: Prototypes,
     process: GaussianProcess,
     *,
@@ -20,12 +16,14 @@ def published_heights(
     seed_height: float,
     seed_range: float,
     seed_count: int | None,
-) -> tuple[Vector, int]:
-    """Return the (m,) heights [m] above the prototype of each point's cell, and the sectors used.
+    height_limit: float,
+) -> tuple[Matrix, int]:
+    """Return the knots of all cells, as `split_by_knots` reads them, and the sectors used.
 
-    NaN in cells whose prototype is not ground. The mean function is zero, the height of the
-    sensor; a sector's seeds are its lowest prototypes within `seed_range` [m] and `seed_height`
-    [m] of the sensor's height, and a sector with fewer than two has no ground.
+    A level step in each cell whose prototype is ground, no model elsewhere. The mean function is
+    zero, the height of the sensor; a sector's seeds are its lowest prototypes within `seed_range`
+    [m] and `seed_height` [m] of the sensor's height, and a sector with fewer than two has no
+    ground.
     """
     heights = prototypes.points[:, 2]
     seeds = np.zeros(len(heights), dtype=np.bool_)
@@ -45,19 +43,9 @@ def published_heights(
         variance_limit=variance_limit,
         residual_limit=residual_limit,
     )
-    return _above(points, prototypes, accepted), prototypes.sectors_of(accepted)
-
-
-def _above(points: Points, prototypes: Prototypes, accepted: Mask) -> Vector:
-    level = np.full(len(prototypes.lowest), np.nan)
-    level[prototypes.cells[accepted]] = prototypes.points[accepted, 2]
-    flat = read_only(np.zeros(len(prototypes.lowest)))
-    return heights_above_knots(
-        read_only(points),
-        prototypes.cell_of_point,
-        read_only(_UPWARDS),
-        flat,
-        read_only(level),
-        flat,
-        flat,
-    )
+    knots = np.full((len(prototypes.lowest), 5), height_limit)
+    knots[:, :4] = 0.0
+    knots[:, 1] = np.nan
+    knots[prototypes.cells[accepted], 1] = prototypes.points[accepted, 2]
+    frozen(knots)
+    return knots, prototypes.sectors_of(accepted)

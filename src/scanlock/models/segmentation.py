@@ -7,9 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.arrays import Labels, Mask, Points, Vector, frozen
+from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
+from scanlock.kernels.rows import chosen_points, is_off_zero
 from scanlock.models.clusters import ClusterFinder
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
 
@@ -94,8 +95,15 @@ def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
     """
     standing = ~(ground.is_ground | ground.is_below)
     if not cloud.origin.any():
-        standing &= np.einsum("ni,ni->n", cloud.points, cloud.points) > 0.0
+        standing &= is_off_zero(cloud.points)
     return standing
+
+
+def obstacle_points(cloud: PointCloud, ground: Ground) -> Points:
+    """Return the (m, 3) points of a cloud for which `is_obstacle` holds."""
+    points = chosen_points(cloud.points, read_only(is_obstacle(cloud, ground)))
+    frozen(points)
+    return points
 
 
 def upright(points: Points, ground: Ground) -> Points:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector, frozen
-from scanlock.clouds.voxel_grid import voxel_cells
+from scanlock.clouds.voxel_grid import voxel_moments
 from scanlock.errors import require_at_least, require_count, require_fraction, require_positive
 from scanlock.kernels.cells import cell_table
 from scanlock.models.gaussians import Gaussians
@@ -87,15 +87,11 @@ class VoxelGrid:
         """
         require_at_least("width", width, 0.01, unit="m")
         corner = np.full(3, self.offset * width)
-        labels, cells = voxel_cells(points, width, corner)
-        full = np.bincount(labels, minlength=len(cells)) >= self.least_count
-        raw = Gaussians.from_labels(points, labels, self.least_count)
-        unbiased = raw.covariances * (raw.counts / (raw.counts - 1.0))[:, None, None]
+        cells, counts, means, packed = voxel_moments(points, width, corner, self.least_count)
+        unbiased = packed * (counts / (counts - 1.0))[:, None]
         return VoxelGaussians(
-            Gaussians(raw.means, unbiased, raw.counts).floored(
-                self.deviation_floor, self.variance_ratio
-            ),
-            cells[full],
+            Gaussians(means, unbiased, counts).floored(self.deviation_floor, self.variance_ratio),
+            cells,
             corner,
             width,
         )

@@ -1,22 +1,24 @@
 """The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Points, Vector, read_only
+from scanlock.arrays import Points
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.d2d import d2d_terms
 from scanlock.kernels.p2d import p2d_terms
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.candidates import Candidates, TargetsInReach, Tiles
+from scanlock.objectives.candidates import Candidates, Lists, Tiles
+from scanlock.objectives.near_pairs import NearPairs, near_pairs
 from scanlock.objectives.quadratic import Curvature, Quadratic
 
-_VALUE_ONLY = -1.0
-"""Instead of a share of the exact Hessian: no derivatives at all."""
+_KEPT = "_near_pairs"
+"""Under this name an objective keeps the pairs in reach of its last pose."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -111,47 +113,36 @@ class GaussiansToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        return Quadratic.from_terms(self._terms(pose, float(self.curvature == "exact")))
+        terms = np.zeros(28)
+        for lists in self._lists_at(pose):
+            terms += d2d_terms(
+                self.target.means,
+                self.target.packed_covariances,
+                self.target.weights(self.weight_power),
+                self.source.means,
+                self.source.packed_covariances,
+                self.source.weights(self.weight_power),
+                *lists,
+                pose.rotation,
+                pose.translation,
+                *self.shape.parameters,
+                float(self.curvature == "exact"),
+            )
+        return Quadratic.from_terms(self.shape.height * terms)
 
-    def value(self, pose: Pose) -> float:
-        """Return the value alone at `pose`."""
-        return float(self._terms(pose, _VALUE_ONLY)[0])
-
-    def _terms(self, pose: Pose, exact: float) -> Vector:
-        return self.shape.height * d2d_terms(
-            self._target_rows,
-            self._source_rows,
-            *self._candidates.at(pose, self.source.means),
-            pose.rotation,
-            pose.translation,
-            *self.shape.parameters,
-            exact,
-        )
-
-    @cached_property
-    def _target_rows(self) -> Matrix:
-        return _rows(self.target, self.weight_power)
-
-    @cached_property
-    def _source_rows(self) -> Matrix:
-        return _rows(self.source, self.weight_power)
-
-    @cached_property
-    def _candidates(self) -> Candidates:
+    def _lists_at(self, pose: Pose) -> Iterator[Lists]:
         if self.candidates is not None:
-            return self.candidates
+            yield self.candidates.at(pose.apply(self.source.means))
+            return
+        kept: NearPairs | None = self.__dict__.get(_KEPT)
+        if kept is not None and kept.hold_at(pose):
+            yield kept.lists
+            return
         _, _, window_end = self.shape.parameters
-        return TargetsInReach(self._target_rows, self.source, window_end)
-
-
-def _rows(gaussians: Gaussians, weight_power: float) -> Matrix:
-    """Return (k, 11) rows of mean, packed covariance, largest variance and weight."""
-    rows = np.empty((len(gaussians), 11))
-    rows[:, :3] = gaussians.means
-    rows[:, 3:9] = gaussians.packed_covariances
-    rows[:, 9] = gaussians.widths
-    rows[:, 10] = gaussians.weights(weight_power)
-    return read_only(rows)
+        for near in near_pairs(self.target, self.source, pose, window_end):
+            # Not part of what the objective is: values are the same whatever is kept.
+            self.__dict__[_KEPT] = near
+            yield near.lists
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

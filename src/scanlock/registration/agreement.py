@@ -54,7 +54,7 @@ def score_correlation(
 
     def value(target: Gaussians, source: Gaussians, pose: Pose) -> float:
         both = GaussiansToGaussians(target=target, source=source, weight_power=weight_power)
-        return both.value(pose)
+        return both.linearise(pose).value
 
     own = value(target, target, identity) * value(source, source, identity)
     return min(1.0, abs(value(target, source, pose)) / float(np.sqrt(own)))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import (
@@ -168,6 +167,8 @@ class ClusterMatcher:
         self, target: ClusterFeatures, source: ClusterFeatures, is_level: bool
     ) -> _Matches:
         """Return the mutual best matches within each kind, the most alike of them."""
+        from scipy.spatial.distance import cdist  # takes longer to import than it works
+
         source_descriptors = self._descriptors(source, is_level)
         target_descriptors = self._descriptors(target, is_level)
         unlikeness = np.asarray(

@@ -24,6 +24,9 @@ and kerbs and banks then lie beside each other."""
 _ROUNDS = 6
 """Reweighted least squares; a tilt of 15 degrees takes three."""
 
+_SETTLED = 1e-3
+"""A step in height [m] and slope [1] below which the rest is left to the descents."""
+
 
 def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
     """Return a hypothesis with the grounds of both scans laid onto each other.
@@ -46,6 +49,8 @@ def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
         rise, slopes = fit
         turn = exp_rotation(np.array([slopes[1], -slopes[0], 0.0]))
         level = Pose(turn @ level.rotation, level.translation + np.array([0.0, 0.0, rise]))
+        if abs(rise) < _SETTLED and np.abs(slopes).max() < _SETTLED:
+            break
         left = rises - rise - (moved - level.translation)[:, :2] @ slopes
         weights = (1.0 + (np.where(shared, left, 0.0) / _OUTLIER) ** 2) ** -2.0
     return target.level_from_scan.inverse() @ level @ source.level_from_scan
@@ -80,6 +85,6 @@ def _plane_through(
     if np.linalg.eigvalsh(level.T @ level / len(level))[0] < _LEAST_SPREAD**2:
         return None
     columns = np.column_stack([np.ones(len(rises)), places[:, :2] - centre[:2]])
-    root = np.sqrt(weights)
-    solved = np.linalg.lstsq(columns * root[:, None], rises * root, rcond=None)[0]
+    weighted = columns * weights[:, None]
+    solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ rises, rcond=None)[0]
     return float(solved[0]), solved[1:].astype(np.float64, copy=False)

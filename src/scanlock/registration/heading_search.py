@@ -15,7 +15,7 @@ from scipy import fft
 
 from scanlock.arrays import Matrix, Vector, read_only
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import require_at_least, require_count, require_fraction
+from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.plan_view import turned_maps
@@ -50,8 +50,9 @@ class HeadingSearch:
     viewer: PlanViewer = field(default_factory=PlanViewer)
     """What is seen of a scan from above."""
 
-    headings: int = 90
-    """How many, evenly around the circle; 4 degrees are a cell at the end of the map."""
+    headings: int = 92
+    """How many, evenly around the circle, a multiple of four; 4 degrees are a cell at the end of
+    the map."""
 
     openness: float = 0.2
     """What open ground counts against a full column; agrees with itself, and with none of them."""
@@ -70,7 +71,9 @@ class HeadingSearch:
     """A peak below this share of the highest is no hypothesis."""
 
     def __post_init__(self) -> None:
-        require_count("headings", self.headings, 1)
+        require_count("headings", self.headings, 4)
+        if self.headings % 4:
+            raise InvalidInput(f"headings must be a multiple of four, got {self.headings}")
         require_at_least("openness", self.openness, 0.0)
         require_fraction("whitening", self.whitening)
         require_count("most", self.most, 1)
@@ -88,40 +91,55 @@ class HeadingSearch:
         if len(target.columns) == 0 or len(source.columns) == 0:
             return []
         cell = _cell_for(max(target.reach, source.reach))
-        turns = np.linspace(0.0, 2.0 * math.pi, self.headings, endpoint=False)
-        agreement = self._agreement(target, source, turns, cell)
+        agreement = self._agreement(target, source, cell)
         found: list[Hypothesis] = []
         best = 0.0
         for _ in range(self.most):
-            heading, i, j = np.unravel_index(int(agreement.argmax()), agreement.shape)
+            heading, i, j = (
+                int(k) for k in np.unravel_index(int(agreement.argmax()), agreement.shape)
+            )
             height = float(agreement[heading, i, j])
             best = max(best, height)
             if height <= self.least_share * best:
                 break
-            shift = cell * np.array([_signed(i), _signed(j), 0.0])
-            level = Pose(exp_rotation(np.array([0.0, 0.0, turns[heading]])), shift)
+            quarter = heading // (self.headings // 4)
+            x, y = _quarter_turned(_signed(i), _signed(j), quarter)
+            turn = 2.0 * math.pi * heading / self.headings
+            level = Pose(exp_rotation(np.array([0.0, 0.0, turn])), cell * np.array([x, y, 0.0]))
             pose = target.level_from_scan.inverse() @ level @ source.level_from_scan
             if self.fits_ground:
                 pose = ground_fitted(target, source, pose)
             found.append(Hypothesis(pose, height / best, "heading search"))
-            _clear_around(agreement, int(heading), int(i), int(j))
+            _clear_around(agreement, heading, i, j)
         return found
 
-    def _agreement(self, target: PlanView, source: PlanView, turns: Vector, cell: float) -> _Maps:
-        """Return the (h, side, side) correlation at each heading and shift; shifts wrap."""
+    def _agreement(self, target: PlanView, source: PlanView, cell: float) -> _Maps:
+        """Return the (h, side, side) correlation at each heading and shift; shifts wrap.
+
+        Maps of cells can be turned by a right angle without loss, so the headings of one quarter
+        of the circle against four turns of the target stand for all: shifts of the quarter q are
+        those of a target turned back by q right angles.
+        """
+        quarters = np.linspace(0.0, -2.0 * math.pi, 4, endpoint=False)
+        turns = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
+        stays = self._spectra(target, quarters, cell)
+        moves = self._spectra(source, turns, cell).conj()
+        product = (stays[:, None] * moves[None]).reshape(self.headings, *stays.shape[1:])
+        return cast(_Maps, fft.irfft2(product, s=(_SIDE, _SIDE), overwrite_x=True))
+
+    def _spectra(self, view: PlanView, turns: Vector, cell: float) -> _Spectra:
+        """Return the transforms of the maps at each turn, whitened."""
         # SciPy's transform keeps single precision; its stubs do not know what it returns.
-        stays = cast(_Spectra, fft.rfft2(self._maps(target, turns[:1], cell)))
-        moves = cast(_Spectra, fft.rfft2(self._maps(source, turns, cell)))
-        product = stays * moves.conj()
+        spectra = cast(_Spectra, fft.rfft2(self._maps(view, turns, cell)))
         if self.whitening > 0.0:
-            magnitude = np.abs(product) + np.float32(_LEAST_MAGNITUDE)
+            magnitude = np.abs(spectra) + np.float32(_LEAST_MAGNITUDE)
             # The root alone is several times faster than a power.
             if self.whitening == 0.5:
                 np.sqrt(magnitude, out=magnitude)
             else:
                 np.power(magnitude, self.whitening, out=magnitude)
-            product /= magnitude
-        return cast(_Maps, fft.irfft2(product, s=(_SIDE, _SIDE), overwrite_x=True))
+            spectra /= magnitude
+        return spectra
 
     def _maps(self, view: PlanView, turns: Vector, cell: float) -> _Maps:
         return turned_maps(
@@ -144,14 +162,23 @@ def _cell_for(reach: float) -> float:
     return next((width for width in _WIDTHS if reach <= width * _CELLS), _WIDTHS[-1])
 
 
-def _signed(index: np.intp) -> int:
-    return (int(index) + _SIDE // 2) % _SIDE - _SIDE // 2
+def _signed(index: int) -> int:
+    return (index + _SIDE // 2) % _SIDE - _SIDE // 2
+
+
+def _quarter_turned(i: int, j: int, quarters: int) -> tuple[int, int]:
+    """Return a shift turned by so many right angles."""
+    for _ in range(quarters % 4):
+        i, j = -j, i
+    return i, j
 
 
 def _clear_around(agreement: _Maps, heading: int, i: int, j: int) -> None:
     """Put a peak and what belongs to it out of the running."""
+    headings = len(agreement)
     around = np.arange(-_APART, _APART + 1)
-    where = np.ix_(
-        *((at + around) % size for at, size in zip((heading, i, j), agreement.shape, strict=True))
-    )
-    agreement[where] = -np.inf
+    for near in (heading + around) % headings:
+        # The headings beside it may count shifts from a target turned otherwise.
+        quarters = heading * 4 // headings - int(near) * 4 // headings
+        x, y = _quarter_turned(i, j, quarters)
+        agreement[near, (x + around[:, None]) % _SIDE, (y + around) % _SIDE] = -np.inf

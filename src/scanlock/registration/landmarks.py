@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from scanlock.arrays import Labels, Points, frozen, read_only
+from scanlock.arrays import Points, frozen
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import require_at_least, require_positive
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.ground import Ground, GroundStatus
-from scanlock.models.segmentation import Segmenter, is_obstacle, upright
+from scanlock.models.segmentation import Segmenter, obstacle_points, upright
 from scanlock.registration.stages import StageClock
 
 LEAST_PARTS = 4
@@ -86,32 +86,25 @@ class LandmarkFinder:
         """Return the landmarks of a cloud whose ground is known; see `find`."""
         clock = StageClock()
         with clock.stage("obstacles"):
-            obstacles = read_only(cloud.points[is_obstacle(cloud, ground)])
+            obstacles = obstacle_points(cloud, ground)
         distinct = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):
-            # Without ground nothing separates the columns of polar bins; cubes take their place.
-            partitions = (
-                [voxel_labels(obstacles, radius)[0] for radius in distinct]
-                if ground.status is GroundStatus.NONE
-                else self._clusters(obstacles, ground, distinct)
-            )
-        with clock.stage("gaussians"):
-            least_count = self.segmenter.clusters.least_count
+            found = self._gaussians(obstacles, ground, distinct)
             gaussians = {
-                radius: Gaussians.from_labels(obstacles, labels, least_count).floored(
-                    self.deviation_floor
-                )
-                for radius, labels in zip(distinct, partitions, strict=True)
+                radius: one.floored(self.deviation_floor)
+                for radius, one in zip(distinct, found, strict=True)
             }
         scales = tuple(gaussians[radius] for radius in radii)
         note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
         return Landmarks(cloud, obstacles, scales, (note,), clock.seconds)
 
-    def _clusters(self, obstacles: Points, ground: Ground, radii: Sequence[float]) -> list[Labels]:
+    def _gaussians(
+        self, obstacles: Points, ground: Ground, radii: Sequence[float]
+    ) -> list[Gaussians]:
         finder = self.segmenter.clusters
+        if ground.status is GroundStatus.NONE:
+            # Nothing separates the columns of polar bins; cubes take the place of clusters.
+            partitions = [voxel_labels(obstacles, radius)[0] for radius in radii]
+            return [Gaussians.from_labels(obstacles, one, finder.least_count) for one in partitions]
         labels, count = finder.grow(upright(obstacles, ground))
-        partitions: list[Labels] = []
-        for radius in radii:
-            labels, count = finder.cut(obstacles, labels, count, radius)
-            partitions.append(labels)
-        return partitions
+        return finder.gaussians(obstacles, labels, count, radii)

@@ -3,12 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from scanlock.arrays import Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_positive
+from scanlock.kernels.rows import is_off_zero
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
 from scanlock.registration.scales import shares_of, shortage_of
@@ -92,5 +91,5 @@ def measured_points(cloud: PointCloud) -> Points:
     """
     if cloud.origin.any():
         return cloud.points
-    is_measured = np.einsum("ni,ni->n", cloud.points, cloud.points) > 0.0
+    is_measured = is_off_zero(cloud.points)
     return cloud.points if is_measured.all() else cloud.points[is_measured]

@@ -1,6 +1,8 @@
 """Compile the kernels before time matters, by doing once what they are for."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
@@ -25,31 +27,61 @@ _SENSOR_HEIGHT = 1.7
 _PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
 _STEP = np.array([0.5, 0.2, 0.0])
 
+_METHODS: tuple[Method[Any], ...] = (
+    *METHODS.values(),
+    *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellMeeting)),
+    NdtD2d(meeting="cells-around", widths=(3.0,)),
+    Icp(search="delaunay", spacing=3.0),
+    Icp(fit=_PLANES, noise=SensorNoise()),
+)
+"""All that are named, and settings that need kernels of their own."""
+
 
 def warm_up() -> None:
     """Compile every kernel of segmentation and registration, or load it from disk.
 
-    The machine code is kept on disk, so this takes its minute once. What comes after runs at
-    full speed from the first call on.
+    The machine code is kept on disk, so this takes its half minute once; ``scanlock warmup``
+    divides it among the cores. What comes after runs at full speed from the first call on.
+    """
+    for step in warm_up_steps():
+        step()
+    warm_up_verdicts()
+
+
+def warm_up_verdicts() -> None:
+    """Call every method as users do, after `warm_up_steps`: there is little left to compile."""
+    scan = _courtyard()
+    for method in _METHODS:
+        register(source=scan + _STEP, target=scan, method=method)
+
+
+def warm_up_steps() -> list[Callable[[], object]]:
+    """Return the stages of `warm_up`; the nearer two in the list, the more kernels they share.
+
+    Processes that keep machine code in one place and begin at different ends compile little
+    twice.
     """
     scan = _courtyard()
+    cloud, moved = PointCloud.from_array(scan), PointCloud.from_array(scan + _STEP)
     tilted = scan @ exp_rotation(np.array([math.radians(12.0), 0.0, 0.0])).T
-    for points in (scan, tilted):
-        segment(points)
-    Segmenter(ground=GroundFinder.das2013()).segment(scan)
-    others: list[Method[Any]] = [
-        Icp(search="delaunay", spacing=1.0),
-        Icp(fit=_PLANES, noise=SensorNoise()),
-        NdtD2d(meeting="cells-around", widths=(3.0,)),
-        *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellMeeting)),
-    ]
-    parts = METHODS["sgc-ndt-d2d"].prepare(PointCloud.from_array(scan)).gaussians[-1]
     matcher = ClusterMatcher()
-    for level in (Pose.identity(), None):
+
+    def match_clusters(level: Pose | None) -> None:
+        parts = METHODS["sgc-ndt-d2d"].prepare(cloud).gaussians[-1]
         features = matcher.describe(parts, level)
         matcher.hypotheses(features, features)
-    for method in (*METHODS.values(), *others):
-        register(source=scan + _STEP, target=scan, method=method)
+
+    def align(method: Method[Any]) -> None:
+        # Without the verdict, which looks for clusters whatever the method.
+        method.align(method.prepare(cloud), method.prepare(moved), Pose.identity())
+
+    return [
+        partial(segment, scan),
+        partial(segment, tilted),
+        partial(Segmenter(ground=GroundFinder.das2013()).segment, scan),
+        *(partial(match_clusters, level) for level in (Pose.identity(), None)),
+        *(partial(align, method) for method in _METHODS),
+    ]
 
 
 def _courtyard() -> Points:

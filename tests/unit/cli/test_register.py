@@ -37,7 +37,7 @@ def test_people_read_the_verdict_first_and_what_moves_onto_what(scanlock, pair):
     assert f"scene {pair[1]}, 6,000 points (moves)" in joined
     for name in ("why", "moved", "turned", "overlap", "score", "pose", "time"):
         assert any(line.split()[:1] == [name] for line in lines)
-    for stage in ("check", "ground", "clusters", "gaussians", "align", "verdict", "read"):
+    for stage in ("check", "ground", "clusters", "cells", "align", "verdict", "read"):
         assert f" {stage} " in joined
     [turned] = [line.split() for line in lines if line.split()[:1] == ["turned"]]
     assert (float(turned[1]), turned[2]) == (pytest.approx(np.degrees(0.15), abs=0.5), "deg:")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numba
 import pytest
 
-from scanlock.cli.warm_up import where_it_is_kept
+from scanlock.cli.warm_up import ordered, where_it_is_kept
 
 _needs_compiler = pytest.mark.skipif(
     numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
@@ -71,3 +71,12 @@ def test_a_second_time_there_is_nothing_to_compile(scanlock):
 def test_without_a_compiler_or_a_place_to_keep_it_the_remedy_is_named(monkeypatch, kernel, remedy):
     monkeypatch.setattr("scanlock.kernels.polar.polar_cells", kernel)
     assert remedy in where_it_is_kept()
+
+
+def test_processes_that_share_the_work_begin_at_different_ends():
+    steps = list(range(9))
+    orders = [ordered(steps, number) for number in range(4)]
+    assert all(sorted(order) == steps for order in orders)
+    assert orders[0] == steps
+    assert orders[1] == steps[::-1]
+    assert len({order[0] for order in orders}) == 4

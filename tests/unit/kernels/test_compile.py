@@ -2,9 +2,11 @@ import os
 import subprocess
 import sys
 
+import numba
 import numpy as np
+import pytest
 
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import NOTICE, kernel, sum_kernel
 
 
 @kernel
@@ -46,6 +48,31 @@ def test_reordered_sums_still_see_nan_and_infinity():
 def test_reordered_sums_repeat_bit_for_bit():
     values = np.random.default_rng(0).normal(size=10_001)
     assert len({_sum_of_finite(values)[0] for _ in range(20)}) == 1
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no compiler to tell of")
+@pytest.mark.parametrize(
+    ("locators", "end"), [("", "keeping them on disk"), ("ZipCacheLocator", "to one that is")]
+)
+def test_compiling_is_logged_once(monkeypatch, caplog, tmp_path, locators, end):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(numba.config, "CACHE_LOCATOR_CLASSES", locators)
+    monkeypatch.setattr(NOTICE, "is_given", False)
+    with caplog.at_level("INFO", "scanlock"):
+        numba.njit(lambda a: a)(2)
+        assert caplog.messages == []
+        for _ in range(2):
+
+            @kernel
+            def twice(a):
+                return 2 * a
+
+            assert twice(2) == 4
+            assert twice(2.0) == 4.0
+    [record] = caplog.records
+    assert record.levelname == "INFO"
+    assert record.message.startswith("compiling kernels for the first use")
+    assert record.message.endswith(end)
 
 
 def test_a_kernel_works_where_no_cache_can_be_written():

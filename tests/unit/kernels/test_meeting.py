@@ -39,7 +39,7 @@ def test_round_gaussians_meet_up_to_the_limit_itself():
         direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
         shift = target.means - source.means + 3.0 * np.sqrt(5.0) * share * direction
-        moved = type(source)(source.means + shift, source.covariances, source.counts)
+        moved = type(source)(source.means + shift, source.packed_covariances, source.counts)
         assert _meeting(target, moved, 9.0).tolist() == [expected]
 
 

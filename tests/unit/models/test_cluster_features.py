@@ -9,7 +9,9 @@ from scanlock.models.gaussians import Gaussians
 
 
 def _part(*deviations, centre=(4.0, 5.0, 2.0)):
-    return Gaussians(np.array([centre]), np.diag(np.square(deviations))[None], np.array([50]))
+    return Gaussians.from_covariances(
+        np.array([centre]), np.diag(np.square(deviations))[None], np.array([50])
+    )
 
 
 @pytest.mark.parametrize(
@@ -62,7 +64,7 @@ def test_shapes_and_kinds_survive_any_rotation():
 
 
 def test_no_clusters_have_no_features():
-    none = Gaussians(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0, np.int64))
+    none = Gaussians.from_covariances(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0, np.int64))
     assert len(ClusterFeatures.of(none)) == 0
 
 

@@ -38,12 +38,16 @@ def _heaps(seed, count=60, each=8):
 
 
 def _one(mean, covariance, count=10):
-    return Gaussians(np.array([mean], float), np.array([covariance], float), np.array([count]))
+    return Gaussians.from_covariances(
+        np.array([mean], float), np.array([covariance], float), np.array([count])
+    )
 
 
 def _merges(test, first, second):
-    merged = test.merges(first, second)
-    assert merged.tolist() == test.merges(second, first).tolist()
+    bins = Gaussians.joined([first, second])
+    one, other = np.array([0]), np.array([1])
+    merged = test.merges(bins, one, other)
+    assert merged.tolist() == test.merges(bins, other, one).tolist()
     return bool(merged[0])
 
 
@@ -281,3 +285,19 @@ def _is_refined(fine, coarse):
 def test_settings_out_of_range_are_refused_by_name(make, message):
     with pytest.raises(InvalidInput, match=message):
         make()
+
+
+def test_gaussians_are_those_of_the_clusters_cut_to_each_radius():
+    finder, points = ClusterFinder(least_count=4), _obstacles()
+    labels, count = finder.grow(points)
+    radii = [5.0, 1.4, 0.7]
+    for radius, found in zip(radii, finder.gaussians(points, labels, count, radii), strict=True):
+        cut, _ = finder.cut(points, labels, count, radius)
+        expected = Gaussians.from_labels(points, cut, 4)
+        assert len(found) == len(expected) > 5
+        ours, theirs = (np.lexsort(one.means.T) for one in (found, expected))
+        np.testing.assert_array_equal(found.counts[ours], expected.counts[theirs])
+        np.testing.assert_allclose(found.means[ours], expected.means[theirs], atol=1e-12)
+        np.testing.assert_allclose(
+            found.covariances[ours], expected.covariances[theirs], atol=1e-12
+        )

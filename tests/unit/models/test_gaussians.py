@@ -59,7 +59,7 @@ def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
     rng = np.random.default_rng(3)
     variances = np.array([[1e-8, 1e-4, 4.0], [0.0, 0.0, 0.0], [0.04, 1.0, 9.0]])
     covariances = turned_covariances(rng, variances)
-    sharp = Gaussians(rng.normal(size=(3, 3)), covariances, np.array([9, 1, 5]))
+    sharp = Gaussians.from_covariances(rng.normal(size=(3, 3)), covariances, np.array([9, 1, 5]))
     raised = sharp.floored(0.1)
     # Rounding of a product of matrices whose entries reach the largest variance.
     rounding = 1e-14 * 9.0
@@ -76,7 +76,9 @@ def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
 def test_a_ratio_raises_to_a_share_of_the_largest_variance():
     rng = np.random.default_rng(4)
     covariances = turned_covariances(rng, np.array([[1e-6, 0.5, 9.0], [1e-6, 1e-6, 1e-6]]))
-    raised = Gaussians(np.zeros((2, 3)), covariances, np.array([3, 3])).floored(0.1, ratio=0.01)
+    raised = Gaussians.from_covariances(np.zeros((2, 3)), covariances, np.array([3, 3])).floored(
+        0.1, ratio=0.01
+    )
     np.testing.assert_allclose(raised.variances, [[0.09, 0.5, 9.0], [0.01, 0.01, 0.01]], rtol=1e-9)
 
 
@@ -171,10 +173,13 @@ def test_rows_are_taken_by_number_or_by_mask():
         (lambda g: g.widened(-0.5), "deviation must be at least 0.0 m, got -0.5 m"),
         (lambda g: g.widened(float("nan")), "deviation must be at least 0.0 m, got nan m"),
         (
-            lambda g: Gaussians(g.means, g.covariances[:2], g.counts),
-            "means and covariances must have shapes",
+            lambda g: Gaussians.from_covariances(g.means, g.covariances[:2], g.counts),
+            "means and packed covariances must have shapes",
         ),
-        (lambda g: Gaussians(g.means, g.covariances, g.counts[:2]), r"counts must have shape \(5,"),
+        (
+            lambda g: Gaussians.from_covariances(g.means, g.covariances, g.counts[:2]),
+            r"counts must have shape \(5,",
+        ),
         (
             lambda g: Gaussians.from_labels(g.means, np.zeros(5, np.int64), least_count=0),
             "least_count must be at least 1, got 0",
@@ -188,7 +193,7 @@ def test_values_out_of_range_are_refused_by_name(call, message):
 
 def test_weights_are_counts_to_a_power():
     counts = np.array([1, 16, 81])
-    some = Gaussians(np.zeros((3, 3)), np.tile(np.eye(3), (3, 1, 1)), counts)
+    some = Gaussians.from_covariances(np.zeros((3, 3)), np.tile(np.eye(3), (3, 1, 1)), counts)
     for power in (0.0, 0.25, 1.0):
         weights = some.weights(power)
         np.testing.assert_allclose(weights / weights[0], counts**power, rtol=1e-14)

@@ -61,32 +61,26 @@ def test_heights_above_knots_are_broken_lines():
     rng = np.random.default_rng(1)
     points = _hills(1, 500)
     cells = _GRID.cells(points)
-    knots = rng.uniform(-1, 1, (4, _GRID.sectors * _GRID.bins))
-    knots[0] = rng.uniform(0, 30, knots.shape[1])
-    knots[1, ::5] = np.nan
+    knots = rng.uniform(-1, 1, (_GRID.sectors * _GRID.bins, 5))
+    knots[:, 0] = rng.uniform(0, 30, len(knots))
+    knots[::5, 1] = np.nan
+    knots[:, 4] = rng.uniform(0.1, 0.6, len(knots))
     plane = np.array([0.1, 0.0, 0.9, -0.4])
-    height = passes.heights_above_knots(
-        points, cells, read_only(plane), *(read_only(row) for row in knots)
+    height, is_ground, is_below, near, close = passes.split_by_knots(
+        points, cells, read_only(plane), read_only(knots), 0.5
     )
     for point, cell, found in zip(points, cells, height, strict=True):
-        if cell < 0 or np.isnan(knots[1, cell]):
+        if cell < 0 or np.isnan(knots[cell, 1]):
             assert np.isnan(found)
             continue
-        step = np.hypot(*point[:2]) - knots[0, cell]
-        ground = knots[1, cell] + step * (knots[2, cell] if step < 0 else knots[3, cell])
+        step = np.hypot(*point[:2]) - knots[cell, 0]
+        ground = knots[cell, 1] + step * (knots[cell, 2] if step < 0 else knots[cell, 3])
         assert found == pytest.approx(plane[:3] @ point + plane[3] - ground, abs=1e-12)
-
-
-def test_split_by_height():
-    height = np.array([0.0, 0.2, -0.2, 0.5, -0.3, np.nan, 0.8, -5.0])
-    cells = np.array([0, 1, 0, 0, 1, -1, 1, 0])
-    limits = np.array([0.25, 0.1])
-    on, below, near, close = passes.split_by_height(
-        read_only(height), read_only(cells), read_only(limits), 0.25
-    )
-    assert on.tolist() == [True, False, True, False, False, False, False, False]
-    assert below.tolist() == [False, False, False, False, True, False, False, True]
-    assert (near, close) == (5, 3)
+    limits = np.minimum(0.5, knots[cells, 4])
+    assert is_ground.tolist() == (np.abs(height) < limits).tolist()
+    assert is_below.tolist() == (height <= -0.5).tolist()
+    assert (near, close) == ((np.abs(height) < 1.5).sum(), (np.abs(height) < 0.5).sum())
+    assert 0 < is_ground.sum() < close < near
 
 
 def test_turned_points():
@@ -193,7 +187,8 @@ def test_patches_grow_as_defined(seed):
 def test_one_compiled_form_serves_all():
     for kernel in (
         passes.lowest_in_cells, passes.count_low_points,
-        passes.heights_above_knots, passes.split_by_height, passes.turned_points,
+        passes.split_by_knots, passes.turned_points,
+
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel

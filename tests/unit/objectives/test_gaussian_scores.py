@@ -17,7 +17,7 @@ from scanlock.objectives.gaussian_scores import (
 
 def _round(means, deviation=1.0):
     means = np.array(means, float)
-    return Gaussians(
+    return Gaussians.from_covariances(
         means, np.tile(deviation**2 * np.eye(3), (len(means), 1, 1)), np.ones(len(means), np.int64)
     )
 

@@ -16,12 +16,14 @@ from scanlock.simulation import scan_pair
 
 _MATCHER = ClusterMatcher()
 _TILTED = Pose(exp_rotation(np.array([0.9, -0.5, 2.0])), np.array([7.0, -4.0, 3.0]))
-_NONE = Gaussians(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0, np.int64))
+_NONE = Gaussians.from_covariances(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0, np.int64))
 
 
 def _world(seed=0, count=60):
     parts = gaussians(np.random.default_rng(seed), count, spread=20.0, most=1.0)
-    return Gaussians(parts.means * [1.0, 1.0, 0.1], parts.covariances, parts.counts)
+    return Gaussians.from_covariances(
+        parts.means * [1.0, 1.0, 0.1], parts.covariances, parts.counts
+    )
 
 
 def _seen_from(world, target_from_source, seed=1):
@@ -29,7 +31,7 @@ def _seen_from(world, target_from_source, seed=1):
     rng = np.random.default_rng(seed)
     kept = rng.permutation(len(world))[: 2 * len(world) // 3]
     parts = world.taken(kept)
-    jittered = Gaussians(
+    jittered = Gaussians.from_covariances(
         parts.means + rng.normal(0.0, 0.1, (len(parts), 3)), 1.1 * parts.covariances, parts.counts
     )
     joined = Gaussians.joined([jittered, _world(seed + 50, len(world) // 3)])
@@ -144,7 +146,9 @@ def test_too_few_parts_give_no_hypothesis(parts, level_from_scan):
 def test_parts_in_one_place_or_on_one_line_do_not_raise(level_from_scan):
     parts = _world()
     for means in (np.zeros((60, 3)), np.arange(60.0)[:, None] * [3.0, 0.0, 0.0]):
-        same = Gaussians(means.copy(), np.array(parts.covariances), np.array(parts.counts))
+        same = Gaussians.from_covariances(
+            means.copy(), np.array(parts.covariances), np.array(parts.counts)
+        )
         features = _MATCHER.describe(same, level_from_scan)
         for one in _MATCHER.hypotheses(features, features):
             assert np.isfinite(one.pose.matrix).all()

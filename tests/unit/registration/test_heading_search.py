@@ -29,7 +29,7 @@ def _assert_near(pose, truth):
     assert math.degrees(radians) < 6.0
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.0, 2.5, -2.0, math.pi])
+@pytest.mark.parametrize("turn", [0.0, 1.0, 0.5 * math.pi, 2.5, -2.0, -0.5 * math.pi, math.pi])
 def test_any_heading_and_shift_is_found_first(turn):
     truth = yaw_pose(turn, (12.0, -7.0, 0.3))
     found = _SEARCH.hypotheses(_view(street(1)), _view(truth.inverse().apply(street(2))))
@@ -62,9 +62,12 @@ def test_small_rooms_get_small_cells():
     assert math.degrees(radians) < 6.0
 
 
-def test_hypotheses_are_distinct_and_best_first():
+@pytest.mark.parametrize("turn", [0.3, 0.5 * math.pi, math.pi - 0.03, -0.5 * math.pi + 0.04])
+def test_hypotheses_are_distinct_and_best_first(turn):
+    # A peak at a right angle has neighbours in two quarters of the circle.
     search = HeadingSearch(least_share=0.0)
-    found = search.hypotheses(_view(street(1)), _view(street(2, layout=7)))
+    truth = yaw_pose(turn, (12.0, -7.0, 0.3))
+    found = search.hypotheses(_view(street(1)), _view(truth.inverse().apply(street(2))))
     assert len(found) == search.most
     weights = [one.weight for one in found]
     assert weights == sorted(weights, reverse=True)
@@ -141,6 +144,7 @@ def test_without_shared_ground_a_hypothesis_stays_as_it_was():
     ("settings", "message"),
     [
         ({"headings": 0}, "headings must be"),
+        ({"headings": 90}, "headings must be a multiple of four, got 90"),
         ({"openness": -0.1}, "openness must be"),
         ({"whitening": 1.1}, "whitening must lie"),
         ({"most": 0}, "most must be"),

@@ -26,7 +26,7 @@ def test_the_ground_is_gone_and_the_rest_is_kept(marks):
     [note] = marks.notes
     assert note.startswith("ground found")
     assert f"{len(marks.gaussians[-1])} Gaussians" in note
-    assert set(marks.timings) == {"ground", "obstacles", "clusters", "gaussians"}
+    assert set(marks.timings) == {"ground", "obstacles", "clusters"}
 
 
 def test_there_is_one_set_of_gaussians_for_each_scale(marks):

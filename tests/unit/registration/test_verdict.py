@@ -68,12 +68,12 @@ def test_the_score_is_a_ratio_of_values_and_symmetric():
 
 def test_the_score_of_different_scans_is_below_one():
     # One wide Gaussian between two narrow ones: its score is the root of two.
-    narrow = Gaussians(
+    narrow = Gaussians.from_covariances(
         np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
         np.tile(0.01 * np.eye(3), (2, 1, 1)),
         np.array([10, 10]),
     )
-    wide = Gaussians(np.zeros((1, 3)), 25.0 * np.eye(3)[None], np.array([10]))
+    wide = Gaussians.from_covariances(np.zeros((1, 3)), 25.0 * np.eye(3)[None], np.array([10]))
     assert score_correlation(narrow, wide, Pose.identity()) <= 1.0
 
 
@@ -117,16 +117,16 @@ def test_a_weakly_held_direction_is_degenerate_and_named():
 def test_walls_hold_across_and_slide_along(turn):
     # Plates of 1 m that are 0.1 m thin: along x and z each axis is the longest.
     pose = Pose.from_step(np.array([3.0, -2.0, 1.0, 0.0, 0.0, turn]))
-    plates = Gaussians(
+    plates = Gaussians.from_covariances(
         np.zeros((5, 3)), np.tile(np.diag([1.0, 0.01, 1.0]), (5, 1, 1)), np.full(5, 50)
     ).transformed(pose)
     hold, _ = weakest_direction(plates)
     assert hold < 1e-12
     # Poles, thin along x and y, hold what the plates let slide; height stays free.
-    poles = Gaussians(
+    poles = Gaussians.from_covariances(
         np.zeros((5, 3)), np.tile(np.diag([0.01, 0.01, 1.0]), (5, 1, 1)), np.full(5, 50)
     ).transformed(pose)
-    both = Gaussians(
+    both = Gaussians.from_covariances(
         np.concatenate([plates.means, poles.means]),
         np.concatenate([plates.covariances, poles.covariances]),
         np.concatenate([plates.counts, poles.counts]),
@@ -137,7 +137,9 @@ def test_walls_hold_across_and_slide_along(turn):
 
 
 def test_round_gaussians_hold_every_way():
-    some = Gaussians(np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), np.full(4, 10))
+    some = Gaussians.from_covariances(
+        np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)), np.full(4, 10)
+    )
     assert weakest_direction(some)[0] == 1.0
 
 

@@ -14,7 +14,6 @@ from scanlock.kernels import (
     plan_view,
     polar,
     range_image,
-    reach,
 )
 from scanlock.models.segmentation import segment
 from scanlock.registration.methods import METHODS
@@ -26,18 +25,17 @@ _KERNELS = (
     compatibility.free_compatibility,
     compatibility.level_compatibility,
     compatibility.soft_overlap,
-    d2d.d2d_terms,
     ground.lowest_in_cells,
     grouping.occupied_cells,
     meeting.meeting_gaussians,
     moments.labelled_moments,
-    p2d.p2d_terms,
     plan_view.column_slots,
     plan_view.turned_maps,
     polar.polar_cells,
     range_image.looked_through,
     range_image.nearest_ranges,
-    reach.targets_in_reach,
+    d2d.d2d_terms,
+    p2d.p2d_terms,
 )
 
 

@@ -1,0 +1,60 @@
+"""Clocks for what is compared: turn about in one process, after warm-up."""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+_Task = TypeVar("_Task")
+_Outcome = TypeVar("_Outcome")
+
+
+@dataclass(frozen=True)
+class Lap(Generic[_Task, _Outcome]):
+    """One run: on what, what came of it, and the seconds it took."""
+
+    task: _Task
+    outcome: _Outcome
+    cpu: float
+    wall: float
+
+
+def turn_about(
+    runs: Mapping[str, Callable[[_Task], _Outcome]],
+    tasks: Sequence[_Task],
+    rounds: int,
+    seconds: float,
+) -> dict[str, list[Lap[_Task, _Outcome]]]:
+    """Run everybody on every task, one after the other, `rounds` times over.
+
+    One run more, the second of two before the clock starts, says how long it takes; who would take
+    longer than `seconds` in all gets fewer rounds, spread evenly, and one at least.
+    """
+    counts: dict[str, int] = {}
+    for name, run in runs.items():
+        run(tasks[0])
+        usual = lap(run, tasks[0]).wall * len(tasks)
+        counts[name] = max(1, min(rounds, math.floor(seconds / usual)))
+    found: dict[str, list[Lap[_Task, _Outcome]]] = {name: [] for name in runs}
+    for number in range(rounds):
+        for task in tasks:
+            for name, run in runs.items():
+                if (number + 1) * counts[name] // rounds > number * counts[name] // rounds:
+                    found[name].append(lap(run, task))
+    return found
+
+
+def lap(run: Callable[[_Task], _Outcome], task: _Task) -> Lap[_Task, _Outcome]:
+    wall, cpu = time.perf_counter(), time.process_time()
+    outcome = run(task)
+    return Lap(task, outcome, time.process_time() - cpu, time.perf_counter() - wall)
+
+
+def quartiles(values: Sequence[float], scale: float = 1.0) -> str:
+    """Return the median and the quartiles about it."""
+    low, middle, high = (scale * value for value in np.percentile(values, (25, 50, 75)))
+    digits = 0 if middle >= 100.0 else 1
+    return f"{middle:.{digits}f} ({low:.{digits}f}-{high:.{digits}f})"
