@@ -42,7 +42,7 @@ STAGES = (
 )  # fmt: skip
 
 COMPILES = """
-import time
+import sys, time
 import scanlock
 from numba.core import event
 
@@ -55,14 +55,17 @@ class Watch(event.Listener):
         function, begin, inner = self.open.pop()
         seconds = time.process_time() - begin
         of = (self.open[0] if self.open else [function])[0]
-        print(of.__module__ + "." + of.__qualname__, function.__module__, seconds - inner)
+        print(of.__module__ + "." + of.__qualname__, function.__module__, seconds - inner,
+              file=sys.__stdout__)
         if self.open:
             self.open[-1][2] += seconds
 
 with event.install_listener("numba:compile", Watch()):
-    from scanlock.cli.warm_up import run_steps
-    run_steps(0)
-    scanlock.warm_up()
+    from scanlock.cli.warm_up import warm_up
+    import contextlib, io, os
+    os.sched_setaffinity(0, [0])  # one process
+    with contextlib.redirect_stdout(io.StringIO()):
+        warm_up()
 """
 
 WARM_UP = "from scanlock.cli import main; main(['warmup'])"

@@ -27,6 +27,21 @@ def column_slots(
     return counts, means
 
 
+def block_means(grid, size):
+    """Mean of the numbers in each block."""
+    blocks = [[grid[i : i + size, j : j + size] for j in range(0, grid.shape[1], size)]
+              for i in range(0, grid.shape[0], size)]  # fmt: skip
+    known = [[block[~np.isnan(block)] for block in row] for row in blocks]
+    return np.array([[one.mean() if len(one) else math.nan for one in row] for row in known])
+
+
+def full_and_open_columns(filled, ground, width):
+    """Middles of the columns that are not empty, their slots, and those of ground alone."""
+    middles = (np.arange(len(filled)) + 0.5 - len(filled) / 2) * width
+    full, opened = np.argwhere(filled > 0), np.argwhere((filled == 0) & ~np.isnan(ground))
+    return middles[full], filled[full[:, 0], full[:, 1]], middles[opened]
+
+
 def turned_map(columns, fills, open_columns, openness, heading, cell, side):
     """The map of a scan turned by one heading."""
     turn = np.array(

@@ -2,9 +2,8 @@
 
 import os
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 _Step = TypeVar("_Step")
 
@@ -17,8 +16,9 @@ def warm_up() -> None:
 
     begin = time.perf_counter()
     with compile_watch() as watch, waiting("compiling"):
-        with _helpers(_cores() - 1 if _compiles_here() else 0):
-            run_steps(0)
+        _share(_cores() if _compiles_here() else 1)
+        for step in _steps():
+            step()
         warm_up_verdicts()
     seconds = time.perf_counter() - begin
     if watch.compiled:
@@ -44,34 +44,47 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@contextmanager
-def _helpers(count: int) -> Generator[None]:
-    """Let other processes work off the same steps from other ends."""
+def _share(processes: int) -> None:
+    """Compile in so many processes at once, this one among them, what one cache on disk keeps."""
     from multiprocessing import get_context
 
+    if processes < 2:
+        return
     # Started afresh, since a copy of this process would hold the compiler's locks.
     context = get_context("spawn")
-    helpers = [context.Process(target=run_steps, args=(1 + k,), daemon=True) for k in range(count)]
+    taken = context.Array("b", len(_steps()))
+    helpers = [
+        context.Process(target=work_off, args=(number, taken), daemon=True)
+        for number in range(1, processes)
+    ]
     for helper in helpers:
         helper.start()
-    yield
+    work_off(0, taken)
     for helper in helpers:
         helper.join()
 
 
-def run_steps(number: int) -> None:
-    """Run every step in the order of one of several processes that share a cache on disk."""
+def work_off(number: int, taken: Any) -> None:
+    """Run the steps that no other process has taken, in the order of this one."""
+    steps = _steps()
+    for k in ordered(range(len(steps)), number):
+        with taken.get_lock():
+            is_free = not taken[k]
+            taken[k] = 1
+        if is_free:
+            steps[k]()
+
+
+def _steps() -> list[Callable[[], object]]:
     from scanlock.registration.warm_up import warm_up_steps
 
-    for step in ordered([*warm_up_steps(), _warm_up_simulation, _warm_up_files], number):
-        step()
+    return [*warm_up_steps(), _warm_up_simulation, _warm_up_files]
 
 
 def ordered(steps: Sequence[_Step], number: int) -> list[_Step]:
     """Return steps forwards for even numbers, backwards for odd, and from within from 2 on.
 
-    What another process has compiled is found on disk, so each compiles what none of the others
-    has come to yet.
+    Steps far apart share few kernels, so what one process compiles the others find on disk.
     """
     turned = list(steps if number % 2 == 0 else reversed(steps))
     first = (number // 2) * len(turned) // 3 % len(turned)

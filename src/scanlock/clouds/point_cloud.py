@@ -7,8 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Labels, Points, Vector, frozen
+from scanlock.clouds.memory import keep_freed_memory
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+
+# Here, since whatever works on scans has passed this gate.
+keep_freed_memory()
 
 _LOCAL_LIMIT = 120.0
 """Median distance from zero [m] beyond which coordinates are recentred.

@@ -244,14 +244,16 @@ def grow_patches(
             if sweep == 0:
                 if not start[p]:
                     continue
-                prior[:] = patches[p]
+                for c in range(6):
+                    prior[c] = patches[p, c]
             elif sinking:
                 if n < 6 or not is_sunken(
                     p, own, z, patches, accepted, patch_sectors, rings, gate, prior
                 ):
                     continue
                 # No prediction: all of its points are near, and its own mean hardly counts.
-                gates[own] = 1e9
+                for m in range(n):
+                    gates[own[m]] = 1e9
                 weight = 1e-3
             elif predict_patch(p, patches, accepted, patch_sectors, rings, prior):
                 widen_gates(
@@ -268,7 +270,8 @@ def grow_patches(
                 count < 6 or count < 0.6 * occupied[p] or rms > 0.7 * roughness
             ):
                 continue
-            patches[p, :3] = fitted[:3]
+            for c in range(3):
+                patches[p, c] = fitted[c]
             patches[p, 5] = fitted[5]
             joining[p] = True
             joined += 1

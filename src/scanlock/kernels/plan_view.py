@@ -1,12 +1,33 @@
-"""A scan seen from above: how full its columns are, and that map turned to many headings."""
+"""A scan seen from above: how full its columns are, and where its ground lies."""
 
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
+
+_BLOCK = 256
+"""Points whose columns are computed at a time, for the sake of vector units."""
+
+
+@kernel
+def _place_block(
+    place: Vector, level_from_scan: Matrix, reach: int, width: float, found: Vector
+) -> None:
+    """Write the columns and the level z of a block of points, both as 2 rows of numbers."""
+    r00, r01, r02, t0 = level_from_scan[0]
+    r10, r11, r12, t1 = level_from_scan[1]
+    r20, r21, r22, t2 = level_from_scan[2]
+    side = 2.0 * reach
+    for p in range(_BLOCK):
+        x, y, z = place[p], place[_BLOCK + p], place[2 * _BLOCK + p]
+        i = np.floor((r00 * x + r01 * y + r02 * z + t0) / width) + reach
+        j = np.floor((r10 * x + r11 * y + r12 * z + t1) / width) + reach
+        column = i * side + j
+        column = column if (i >= 0.0) & (i < side) & (j >= 0.0) & (j < side) else -1.0
+        found[p] = column
+        found[_BLOCK + p] = r20 * x + r21 * y + r22 * z + t2
 
 
 @kernel
@@ -35,70 +56,79 @@ def column_slots(
     is_standing, is_ground : (n,)
     level_from_scan : (3, 4) [m]
     """
-    side = 2 * reach
-    filled = np.zeros((side, side), np.int64)
-    ground = np.zeros((side, side))
-    counts = np.zeros((side, side), np.int64)
-    for p in range(points.shape[0]):
-        if not (is_standing[p] or is_ground[p]):
-            continue
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        u = level_from_scan[0, 0] * x + level_from_scan[0, 1] * y + level_from_scan[0, 2] * z
-        v = level_from_scan[1, 0] * x + level_from_scan[1, 1] * y + level_from_scan[1, 2] * z
-        i = math.floor((u + level_from_scan[0, 3]) / width) + reach
-        j = math.floor((v + level_from_scan[1, 3]) / width) + reach
-        if i < 0 or i >= side or j < 0 or j >= side:
-            continue
-        w = level_from_scan[2, 0] * x + level_from_scan[2, 1] * y + level_from_scan[2, 2] * z
-        w += level_from_scan[2, 3]
-        if is_ground[p]:
-            ground[i, j] += w
-            counts[i, j] += 1
-            continue
-        height = w if math.isnan(heights[p]) else heights[p]
-        level = min(slots - 1, max(0, math.floor(height / slot)))
-        filled[i, j] |= np.int64(1) << level
-    for i in range(side):
-        for j in range(side):
-            bits = filled[i, j]
-            count = 0
-            while bits != 0:
-                bits &= bits - 1
-                count += 1
-            filled[i, j] = count
-            ground[i, j] = ground[i, j] / counts[i, j] if counts[i, j] > 0 else math.nan
-    return filled, ground
+    n, side = points.shape[0], 2 * reach
+    filled = np.zeros(side * side, np.int64)
+    ground = np.zeros(side * side)
+    counts = np.zeros(side * side, np.int32)
+    place, found = np.zeros(3 * _BLOCK), np.zeros(2 * _BLOCK)
+    for start in range(0, n, _BLOCK):
+        count = min(_BLOCK, n - start)
+        for p in range(count):
+            place[p] = points[start + p, 0]
+            place[_BLOCK + p] = points[start + p, 1]
+            place[2 * _BLOCK + p] = points[start + p, 2]
+        _place_block(place, level_from_scan, reach, width, found)
+        for p in range(count):
+            column = np.int32(found[p])
+            if column < 0:
+                continue
+            if is_ground[start + p]:
+                ground[column] += found[_BLOCK + p]
+                counts[column] += 1
+            elif is_standing[start + p]:
+                height = heights[start + p]
+                height = found[_BLOCK + p] if math.isnan(height) else height
+                level = min(slots - 1, max(0, math.floor(height / slot)))
+                filled[column] |= np.int64(1) << level
+    for column in range(side * side):
+        bits = filled[column]
+        count = 0
+        while bits != 0:
+            bits &= bits - 1
+            count += 1
+        filled[column] = count
+        seen = counts[column]
+        ground[column] = ground[column] / seen if seen > 0 else math.nan
+    return filled.reshape((side, side)), ground.reshape((side, side))
 
 
 @kernel
-def turned_maps(
-    columns: Matrix,
-    fills: Vector,
-    open_columns: Matrix,
-    openness: float,
-    headings: Vector,
-    cell: float,
-    side: int,
-) -> NDArray[np.float32]:
-    """Return (h, side, side) maps of a scan turned about the z axis by (h,) angles [rad].
+def block_means(grid: Matrix, size: int) -> Matrix:
+    """Return the mean of the numbers in each (size, size) block of a grid, NaN where none is."""
+    rows, columns = grid.shape[0] // size, grid.shape[1] // size
+    means = np.empty((rows, columns))
+    for i in range(rows):
+        for j in range(columns):
+            total, count = 0.0, 0
+            for a in range(i * size, (i + 1) * size):
+                for b in range(j * size, (j + 1) * size):
+                    if not math.isnan(grid[a, b]):
+                        total += grid[a, b]
+                        count += 1
+            means[i, j] = total / count if count > 0 else math.nan
+    return means
 
-    A cell holds the fullest of the columns (m, 2) [m] whose centre lies in it; where there is
-    none but open ground (k, 2) [m] it holds ``-openness``, and elsewhere 0. The axis is the
-    corner of the cell ``(side / 2, side / 2)``; what lies beyond the map is left out.
+
+@kernel
+def full_and_open_columns(
+    filled: Labels, ground: Matrix, width: float
+) -> tuple[Matrix, Labels, Matrix]:
+    """Return the columns where something stands, their full slots, and those of ground alone.
+
+    Columns are the (k, 2) and (m, 2) middles [m] about that of the grid, row by row.
     """
-    maps = np.zeros((headings.shape[0], side, side), np.float32)
-    half = side // 2
-    for h in range(headings.shape[0]):
-        c = math.cos(headings[h]) / cell
-        s = math.sin(headings[h]) / cell
-        for k in range(open_columns.shape[0]):
-            i = math.floor(c * open_columns[k, 0] - s * open_columns[k, 1]) + half
-            j = math.floor(s * open_columns[k, 0] + c * open_columns[k, 1]) + half
-            if 0 <= i < side and 0 <= j < side:
-                maps[h, i, j] = -openness
-        for m in range(columns.shape[0]):
-            i = math.floor(c * columns[m, 0] - s * columns[m, 1]) + half
-            j = math.floor(s * columns[m, 0] + c * columns[m, 1]) + half
-            if 0 <= i < side and 0 <= j < side and fills[m] > maps[h, i, j]:
-                maps[h, i, j] = fills[m]
-    return maps
+    side = filled.shape[0]
+    full, slots = np.empty((side * side, 2)), np.empty(side * side, np.int64)
+    opened = np.empty((side * side, 2))
+    standing = bare = 0
+    for i in range(side):
+        for j in range(side):
+            x, y = (i + 0.5 - 0.5 * side) * width, (j + 0.5 - 0.5 * side) * width
+            if filled[i, j] > 0:
+                full[standing, 0], full[standing, 1] = x, y
+                slots[standing] = filled[i, j]
+                standing += 1
+            elif not math.isnan(ground[i, j]):
+                opened[bare, 0], opened[bare, 1] = x, y
+                bare += 1
+    return full[:standing].copy(), slots[:standing].copy(), opened[:bare].copy()

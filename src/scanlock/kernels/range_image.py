@@ -9,8 +9,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector
+from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
+
+_BLOCK = 256
+"""Points whose bins are computed at a time, for the sake of vector units."""
 
 
 @kernel
@@ -30,20 +33,59 @@ def _place(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
 
 
 @kernel
+def _place_block(
+    points: Points, start: int, side: int, place: Vector, bins: Labels, squares: Vector
+) -> None:
+    """Write the bin, -1 without one, and squared range of the points from `start` on.
+
+    As `_place`, without a branch; `place` is scratch.
+    """
+    count = min(_BLOCK, points.shape[0] - start)
+    for p in range(count):
+        place[p] = points[start + p, 0]
+        place[_BLOCK + p] = points[start + p, 1]
+        place[2 * _BLOCK + p] = points[start + p, 2]
+    half = 0.5 * side
+    last = side - 1.0
+    for p in range(_BLOCK):
+        x, y, z = place[p], place[_BLOCK + p], place[2 * _BLOCK + p]
+        a, b, c = abs(x), abs(y), abs(z)
+        squared = x * x + y * y + z * z
+        depth = max(a, max(b, c))
+        along_x = a == depth
+        along_y = b == depth
+        u = y if along_x else x
+        v = z if along_x or along_y else y
+        face = 0.0 if along_x else (2.0 if along_y else 4.0)
+        ahead = x if along_x else (y if along_y else z)
+        face = face if ahead > 0.0 else face + 1.0
+        depth = depth if squared > 0.0 else 1.0
+        row = min(last, np.floor(half * (u / depth + 1.0)))
+        column = min(last, np.floor(half * (v / depth + 1.0)))
+        found = (face * side + row) * side + column
+        found = found if squared > 0.0 else -1.0
+        bins[p] = np.int32(found)
+        squares[p] = squared
+
+
+@kernel
 def nearest_ranges(points: Points, side: int) -> NDArray[np.float64]:
     """Return the (6, side, side) ranges of the nearest point in each bin, infinite without any.
 
     Points at zero have no direction and are left out.
     """
-    ranges = np.full((6, side, side), math.inf)
-    for p in range(points.shape[0]):
-        x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        squared = x * x + y * y + z * z
-        if squared == 0.0:
-            continue
-        face, row, column = _place(x, y, z, side)
-        ranges[face, row, column] = min(ranges[face, row, column], squared)
-    return np.sqrt(ranges)
+    n = points.shape[0]
+    ranges = np.full(6 * side * side, math.inf)
+    place, squares = np.zeros(3 * _BLOCK), np.zeros(_BLOCK)
+    bins = np.zeros(_BLOCK, np.int32)
+    for start in range(0, n, _BLOCK):
+        _place_block(points, start, side, place, bins, squares)
+        for p in range(min(_BLOCK, n - start)):
+            if bins[p] >= 0:
+                ranges[bins[p]] = min(ranges[bins[p]], squares[p])
+    for one in range(ranges.shape[0]):
+        ranges[one] = math.sqrt(ranges[one])
+    return ranges.reshape((6, side, side))
 
 
 @kernel
@@ -53,17 +95,25 @@ def nearest_around(ranges: NDArray[np.float64], reach: int) -> NDArray[np.float6
     Bins without a point of their own stay infinite: nothing is known there.
     """
     side = ranges.shape[1]
-    around = np.full(ranges.shape, math.inf)
+    around = np.empty(ranges.shape)
+    in_row = np.empty((side, side))
+    # The least of a square is that of the least of its rows.
     for face in range(6):
         for i in range(side):
+            in_row[i] = ranges[face, i]
+            for shift in range(1, min(reach, side - 1) + 1):
+                for j in range(side - shift):
+                    in_row[i, j] = min(in_row[i, j], ranges[face, i, j + shift])
+                for j in range(shift, side):
+                    in_row[i, j] = min(in_row[i, j], ranges[face, i, j - shift])
+        for i in range(side):
+            around[face, i] = in_row[i]
+            for k in range(max(0, i - reach), min(side, i + reach + 1)):
+                for j in range(side):
+                    around[face, i, j] = min(around[face, i, j], in_row[k, j])
             for j in range(side):
-                if math.isinf(ranges[face, i, j]):
-                    continue
-                least = math.inf
-                for k in range(max(0, i - reach), min(side, i + reach + 1)):
-                    for m in range(max(0, j - reach), min(side, j + reach + 1)):
-                        least = min(least, ranges[face, k, m])
-                around[face, i, j] = least
+                own = ranges[face, i, j]
+                around[face, i, j] = around[face, i, j] if own < math.inf else math.inf
     return around
 
 

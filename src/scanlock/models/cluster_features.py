@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.geometry.pose import Pose
+from scanlock.kernels.flooring import principal_axes
 from scanlock.models.gaussians import Gaussians
 
 _FLAT = 2.5
@@ -87,10 +88,10 @@ class ClusterFeatures:
     def of(cls, gaussians: Gaussians, level_from_scan: Pose | None = None) -> "ClusterFeatures":
         """Return the features of the clusters of a scan, row by row."""
         moved = gaussians if level_from_scan is None else gaussians.transformed(level_from_scan)
-        variances, vectors = np.linalg.eigh(moved.covariances)
+        variances, axes = principal_axes(read_only(moved.packed_covariances))
         deviations = np.sqrt(np.maximum(variances, _LEAST_VARIANCE))
         kinds = _kinds(deviations)
-        axis = np.where((kinds == PartKind.FLAT)[:, None], vectors[:, :, 0], vectors[:, :, 2])
+        axis = np.where((kinds == PartKind.FLAT)[:, None], axes[:, :3], axes[:, 6:])
         return cls(
             moved.means,
             moved.packed_covariances,
@@ -113,7 +114,7 @@ def _kinds(deviations: Matrix) -> Labels:
 
 def _stances(gaussians: Gaussians, axis: Points) -> Matrix:
     heights: Vector = gaussians.means[:, 2]
-    deviations = np.sqrt(np.maximum(gaussians.covariances[:, 2, 2], _LEAST_VARIANCE))
+    deviations = np.sqrt(np.maximum(gaussians.packed_covariances[:, 5], _LEAST_VARIANCE))
     tops = heights + _TOP * deviations
     return np.stack([np.log(deviations), np.abs(axis[:, 2]), heights, tops], axis=1)
 

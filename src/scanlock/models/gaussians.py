@@ -48,8 +48,11 @@ class Gaussians:
             )
         if self.counts.shape != (k,):
             raise InvalidInput(f"counts must have shape ({k},), got {self.counts.shape}")
-        for array in (self.means, self.packed_covariances, self.counts):
+        for name in ("means", "packed_covariances", "counts"):
+            # A part of a wider table is not contiguous, and kernels are made for what is.
+            array = np.ascontiguousarray(getattr(self, name))
             frozen(array)
+            object.__setattr__(self, name, array)
 
     @classmethod
     def from_covariances(

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Vector, frozen, read_only
+from scanlock.arrays import Matrix, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.plan_view import column_slots
+from scanlock.kernels.plan_view import block_means, column_slots, full_and_open_columns
 from scanlock.models.ground import Ground, GroundStatus
 from scanlock.models.segmentation import is_obstacle
 
@@ -111,21 +111,18 @@ class PlanViewer:
             self.slot,
             self.slots,
         )
-        full = np.argwhere(filled > 0)
-        seen = ~np.isnan(ground_heights)
+        columns, slots, open_columns = full_and_open_columns(
+            read_only(filled), read_only(ground_heights), self.width
+        )
         return PlanView(
             level_from_scan,
             ground.status is not GroundStatus.NONE,
-            self._middles(full, reach),
-            filled[full[:, 0], full[:, 1]] / self.slots,
-            self._middles(np.argwhere((filled == 0) & seen), reach),
-            _block_means(ground_heights, _GROUND_COLUMNS),
+            columns,
+            slots / self.slots,
+            open_columns,
+            block_means(read_only(ground_heights), _GROUND_COLUMNS),
             _GROUND_COLUMNS * self.width,
         )
-
-    def _middles(self, columns: Labels, reach: int) -> Matrix:
-        middles: Matrix = (columns.astype(np.float64) - (reach - 0.5)) * self.width
-        return middles
 
 
 def level_pose(cloud: PointCloud, ground: Ground) -> Pose:
@@ -138,12 +135,3 @@ def level_pose(cloud: PointCloud, ground: Ground) -> Pose:
         low = float(np.quantile(cloud.points[:, 2], _LOW_SHARE))
         return Pose(np.eye(3), np.array([0.0, 0.0, -low]))
     return Pose(rotation_onto_z(ground.up), np.array([0.0, 0.0, ground.plane[3]]))
-
-
-def _block_means(grid: Matrix, size: int) -> Matrix:
-    """Return the mean of the numbers in each (size, size) block of a grid, NaN where none is."""
-    blocks = grid.reshape(len(grid) // size, size, len(grid) // size, size)
-    known = np.isfinite(blocks)
-    sums = np.where(known, blocks, 0.0).sum(axis=(1, 3))
-    counts = known.sum(axis=(1, 3))
-    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)

@@ -1,13 +1,12 @@
 """The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Points, read_only
+from scanlock.arrays import Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.d2d import d2d_terms
@@ -15,8 +14,9 @@ from scanlock.kernels.morton import morton_codes
 from scanlock.kernels.p2d import p2d_terms, point_balls
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Candidates, Lists
-from scanlock.objectives.near_pairs import NearPairs, near_pairs
+from scanlock.objectives.near_pairs import NearPairs
 from scanlock.objectives.quadratic import Curvature, Quadratic
+from scanlock.threads import spread
 
 _KEPT = "_near_pairs"
 """Under this name an objective keeps the pairs in reach of its last pose."""
@@ -114,36 +114,45 @@ class GaussiansToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        terms = np.zeros(28)
-        for lists in self._lists_at(pose):
-            terms += d2d_terms(
-                self.target.means,
-                self.target.packed_covariances,
-                self.target.weights(self.weight_power),
-                self.source.means,
-                self.source.packed_covariances,
-                self.source.weights(self.weight_power),
-                *lists,
-                pose.rotation,
-                pose.translation,
-                *self.shape.parameters,
-                float(self.curvature == "exact"),
+        if self.candidates is not None:
+            lists = self.candidates.at(pose.apply(self.source.means))
+            terms = self._terms(pose, slice(None), lists)
+        else:
+            near = self._near_at(pose)
+            parts = spread(
+                lambda part: self._terms(pose, near.rows(part), near.lists(part)), near.parts
             )
+            terms = np.sum([np.zeros(28), *parts], axis=0)
         return Quadratic.from_terms(self.shape.height * terms)
 
-    def _lists_at(self, pose: Pose) -> Iterator[Lists]:
-        if self.candidates is not None:
-            yield self.candidates.at(pose.apply(self.source.means))
-            return
-        kept: NearPairs | None = self.__dict__.get(_KEPT)
-        if kept is not None and kept.hold_at(pose):
-            yield kept.lists
-            return
-        _, _, window_end = self.shape.parameters
-        for near in near_pairs(self.target, self.source, pose, window_end):
+    @cached_property
+    def _weights(self) -> tuple[Vector, Vector]:
+        return self.target.weights(self.weight_power), self.source.weights(self.weight_power)
+
+    def _terms(self, pose: Pose, rows: slice, lists: Lists) -> Vector:
+        of_target, of_source = self._weights
+        return d2d_terms(
+            self.target.means,
+            self.target.packed_covariances,
+            of_target,
+            self.source.means[rows],
+            self.source.packed_covariances[rows],
+            of_source[rows],
+            *lists,
+            pose.rotation,
+            pose.translation,
+            *self.shape.parameters,
+            float(self.curvature == "exact"),
+        )
+
+    def _near_at(self, pose: Pose) -> NearPairs:
+        near: NearPairs | None = self.__dict__.get(_KEPT)
+        if near is None or not near.hold_at(pose):
+            _, _, window_end = self.shape.parameters
+            near = NearPairs(self.target, self.source, pose, window_end)
             # Not part of what the objective is: values are the same whatever is kept.
             self.__dict__[_KEPT] = near
-            yield near.lists
+        return near
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

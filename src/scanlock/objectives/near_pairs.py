@@ -7,91 +7,120 @@ value is that of all pairs.
 """
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import read_only
+from scanlock.arrays import Labels, Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.reach import targets_in_reach
+from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Lists
 
 _SLACK = 0.1
 """How much farther the lists reach, as a share of the typical reach."""
 
+_PART = 1024
+"""Sources whose pairs are one piece of work, whatever the number of threads."""
+
 _MOST_KEPT = 1 << 23
-"""Members of lists that are kept; more are listed anew, a part at a time, for every value."""
+"""Pairs whose lists are kept; more are listed anew, a part at a time, for every value."""
+
+_MOST_CELLS = 128
+"""Cells along a side of the grid that the targets are sorted into."""
+
+_LEAST_CELL = 1e-3
+"""Least side of a cell [m]: targets may all lie in one place."""
+
+_Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class NearPairs:
-    """Lists of the targets in reach of every source, good around the pose they were made at.
+    """Lists of the targets in reach of every source, good around the pose they are made at.
 
     Attributes
-    ----------
-    lists : Lists
-    pose : Pose
-    slack : float [m]
-        How far anything may have moved.
-    radius : float [m]
-        Largest distance of a source from zero of its frame.
-    """
-
-    lists: Lists
-    pose: Pose
-    slack: float
-    radius: float
-
-    def hold_at(self, pose: Pose) -> bool:
-        """Tell whether nothing has moved too far."""
-        # Twice the sine of half the angle between the two.
-        turn = float(np.linalg.norm(pose.rotation - self.pose.rotation)) / math.sqrt(2.0)
-        shift = float(np.linalg.norm(pose.translation - self.pose.translation))
-        return shift + turn * self.radius <= self.slack
-
-
-def near_pairs(
-    target: Gaussians, source: Gaussians, pose: Pose, window_end: float
-) -> Iterator[NearPairs]:
-    """Yield the pairs in reach at a pose: all at once if they are not too many, else by parts.
-
-    Parameters
     ----------
     target, source : Gaussians
     pose : Pose
     window_end : float
         Squared Mahalanobis distance from which a pair scores nothing.
     """
-    if len(target) == 0 or len(source) == 0:
-        return
-    places = pose.apply(source.means)
-    typical = float(np.median(target.widths) + np.median(source.widths))
-    slack = _SLACK * math.sqrt(window_end * typical)
-    # For any reach r, (sqrt(a) + slack)^2 <= a (1 + slack / r) + slack (slack + r).
-    margin = slack * (slack + slack / _SLACK)
-    radius = float(np.sqrt(np.einsum("ij,ij->i", source.means, source.means).max()))
-    first = 0
-    while first < len(source):
-        starts, members = targets_in_reach(
-            target.means,
-            target.widths,
-            read_only(places),
-            source.widths,
-            window_end * (1.0 + _SLACK),
-            margin,
-            first,
-            _MOST_KEPT,
+
+    target: Gaussians
+    source: Gaussians
+    pose: Pose
+    window_end: float
+    _kept: dict[int, Lists] = field(default_factory=dict[int, Lists])
+
+    @property
+    def parts(self) -> range:
+        """The pieces that the sources are cut into."""
+        return range(math.ceil(len(self.source) / _PART) if len(self.target) else 0)
+
+    def rows(self, part: int) -> slice:
+        """Return the sources of a part."""
+        return slice(part * _PART, min((part + 1) * _PART, len(self.source)))
+
+    def lists(self, part: int) -> Lists:
+        """Return the lists of the sources of a part."""
+        kept = self._kept.get(part)
+        if kept is None:
+            kept = self._listed(part)
+            if sum(len(members) for _, _, members in self._kept.values()) < _MOST_KEPT:
+                self._kept[part] = kept
+        return kept
+
+    def hold_at(self, pose: Pose) -> bool:
+        """Tell whether nothing has moved farther than the lists allow."""
+        # Twice the sine of half the angle between the two.
+        turn = float(np.linalg.norm(pose.rotation - self.pose.rotation)) / math.sqrt(2.0)
+        shift = float(np.linalg.norm(pose.translation - self.pose.translation))
+        return shift + turn * self._radius <= self.slack
+
+    @cached_property
+    def slack(self) -> float:
+        """How far anything may have moved [m]."""
+        typical = float(np.median(self.target.widths) + np.median(self.source.widths))
+        return _SLACK * math.sqrt(self.window_end * typical)
+
+    @cached_property
+    def _radius(self) -> float:
+        """Largest distance of a source from zero of its frame [m]."""
+        means = self.source.means
+        return float(np.sqrt(np.einsum("ij,ij->i", means, means).max()))
+
+    @cached_property
+    def _margin(self) -> float:
+        # For any reach r, (sqrt(a) + slack)^2 <= a (1 + slack / r) + slack (slack + r).
+        return self.slack * (self.slack + self.slack / _SLACK)
+
+    @cached_property
+    def _grid(self) -> _Grid:
+        target = self.target
+        low, high = target.means[:, :2].min(axis=0), target.means[:, :2].max(axis=0)
+        widest = float(target.widths.max())
+        reach = math.sqrt(
+            self.window_end * (1.0 + _SLACK) * (widest + float(self.source.widths.max()))
+            + self._margin
         )
-        done = first + len(starts) - 1
-        lists = np.full(len(source), -1, np.int64)
-        lists[first:done] = np.arange(done - first)
-        is_all = first == 0 and done == len(source)
-        first = done
-        yield NearPairs(
-            (read_only(lists), read_only(starts), read_only(members)),
-            pose,
-            slack if is_all else -math.inf,
-            radius,
+        # Half the reach: of what is looked at, half is in reach.
+        width = max(0.5 * reach, float((high - low).max()) / _MOST_CELLS, _LEAST_CELL)
+        columns, rows = (int(count) + 1 for count in (high - low) / width)
+        corner = read_only(low)
+        found = sorted_by_cell(target.means, target.widths, corner, width, columns, rows)
+        starts, order, inside = found
+        grid = read_only(starts), read_only(order), read_only(inside)
+        return *grid, corner, width, columns, rows, widest
+
+    def _listed(self, part: int) -> Lists:
+        rows = self.rows(part)
+        ends, members = targets_in_reach(
+            *self._grid,
+            read_only(self.pose.apply(self.source.means[rows])),
+            read_only(self.source.widths[rows]),
+            self.window_end * (1.0 + _SLACK),
+            self._margin,
         )
+        return read_only(np.arange(len(ends) - 1)), read_only(ends), read_only(members)

@@ -18,7 +18,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.plan_view import turned_maps
+from scanlock.kernels.turned_maps import turned_maps
 from scanlock.models.ground import Ground
 from scanlock.models.plan_view import PlanView, PlanViewer
 from scanlock.registration.ground_fit import ground_fitted

@@ -55,9 +55,9 @@ def weakest_direction(gaussians: Gaussians) -> tuple[float, Vector]:
     direction : (3,)
         Unit vector of the weakest direction, in the frame of the Gaussians.
     """
-    variances, axes = np.linalg.eigh(gaussians.covariances)
-    thin = (1.0 - variances / variances[:, -1:]) ** 2
-    held = np.einsum("k,ka,kia,kja->ij", gaussians.weights() ** 2, thin, axes, axes)
+    # A matrix has the same axes as its square, so none of them need be found one by one.
+    thin = np.eye(3) - gaussians.covariances / gaussians.widths[:, None, None]
+    held = np.einsum("k,kia,kaj->ij", gaussians.weights() ** 2, thin, thin)
     holds, directions = np.linalg.eigh(held)
     if holds[2] <= 0.0:
         # Only round Gaussians: each is an object of its own and holds all directions alike.

@@ -7,15 +7,17 @@ from typing import Any, get_args
 
 import numpy as np
 
-from scanlock.arrays import Points
+from scanlock.arrays import Points, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
+from scanlock.models.clusters import ClusterFinder
 from scanlock.models.ground import GroundFinder
 from scanlock.models.segmentation import Segmenter, segment
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.objectives.cell_scores import CellMeeting
 from scanlock.registration.cluster_matching import ClusterMatcher
+from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp
 from scanlock.registration.methods import METHODS, Method
 from scanlock.registration.ndt import Ndt
@@ -63,6 +65,7 @@ def warm_up_steps() -> list[Callable[[], object]]:
     """
     scan = _courtyard()
     cloud, moved = PointCloud.from_array(scan), PointCloud.from_array(scan + _STEP)
+    above = read_only(scan[scan[:, 2] > 0.3 - _SENSOR_HEIGHT])
     tilted = scan @ exp_rotation(np.array([math.radians(12.0), 0.0, 0.0])).T
     matcher = ClusterMatcher()
 
@@ -75,13 +78,17 @@ def warm_up_steps() -> list[Callable[[], object]]:
         # Without the verdict, which looks for clusters whatever the method.
         method.align(method.prepare(cloud), method.prepare(moved), Pose.identity())
 
-    return [
+    stages = [
+        partial(GroundFinder().find, cloud),
         partial(segment, scan),
         partial(segment, tilted),
         partial(Segmenter(ground=GroundFinder.das2013()).segment, scan),
+        partial(ClusterFinder().grow, above),
         *(partial(match_clusters, level) for level in (Pose.identity(), None)),
-        *(partial(align, method) for method in _METHODS),
     ]
+    # Those that look for the ground stand next to it.
+    methods = sorted(_METHODS, key=lambda method: isinstance(method, Icp | Gicp | Ndt | NdtD2d))
+    return [*stages, *(partial(align, method) for method in methods)]
 
 
 def _courtyard() -> Points:

@@ -3,7 +3,8 @@ import pytest
 
 from scanlock.arrays import read_only
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.surfaces import neighbour_covariances, principal_axes
+from scanlock.kernels.flooring import principal_axes
+from scanlock.kernels.surfaces import neighbour_covariances
 from scanlock.models.gaussians import unpacked
 
 _UPPER = np.triu_indices(3)

@@ -9,7 +9,8 @@ from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.plan_view import column_slots, turned_maps
+from scanlock.kernels.plan_view import block_means, column_slots, full_and_open_columns
+from scanlock.kernels.turned_maps import turned_maps
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
 from scanlock.models.plan_view import PlanViewer, level_pose
 
@@ -31,6 +32,31 @@ def test_columns_are_those_of_the_definition():
     expected = reference.column_slots(*arguments, 8, 0.5, 0.5, 8)
     np.testing.assert_array_equal(found[0], expected[0])
     np.testing.assert_allclose(found[1], expected[1], atol=1e-12)
+
+
+def _holed_grid(rng):
+    ground = rng.normal(size=(12, 12))
+    ground[rng.random((12, 12)) < 0.5] = math.nan
+    ground[:4, 4:8] = math.nan
+    return ground
+
+
+def test_block_means_are_those_of_the_numbers_in_a_block():
+    ground = _holed_grid(np.random.default_rng(2))
+    found = block_means(read_only(ground), 4)
+    np.testing.assert_allclose(found, reference.block_means(ground, 4), rtol=1e-12)
+    assert np.isnan(found).sum() == 1
+
+
+def test_full_and_open_columns_are_those_of_the_definition():
+    rng = np.random.default_rng(3)
+    ground, filled = _holed_grid(rng), rng.integers(0, 3, (12, 12))
+    found = full_and_open_columns(read_only(filled), read_only(ground), 0.5)
+    expected = reference.full_and_open_columns(filled, ground, 0.5)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert len(found[0]) > 50
+    assert len(found[2]) > 10
 
 
 def test_turned_maps_are_those_of_the_definition():

@@ -5,11 +5,12 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.reach import targets_in_reach
+from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
 from scanlock.objectives import near_pairs as module
 from scanlock.objectives.candidates import EveryTarget
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
-from scanlock.objectives.near_pairs import near_pairs
+from scanlock.objectives.near_pairs import NearPairs
+from scanlock.threads import using_threads
 
 
 def _step(rng, scale=1.0):
@@ -29,47 +30,43 @@ def _pairs(lists):
     return set(found)
 
 
+def _all(near):
+    """The set of all (source, target) in all parts."""
+    return {
+        (near.rows(part).start + source, target)
+        for part in near.parts
+        for source, target in _pairs(near.lists(part))
+    }
+
+
 @pytest.mark.parametrize("spread", [0.0, 5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_targets_in_reach_are_those_of_the_definition(seed, spread):
     rng = np.random.default_rng(seed)
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
-    starts, members = targets_in_reach(
-        target.means, target.widths, source.means, source.widths, 9.0, 2.5, 0, 10**9
-    )
+    low = target.means[:, :2].min(axis=0)
+    columns, rows = (int(side) + 1 for side in (target.means[:, :2].max(axis=0) - low) / 3.0)
+    grid = read_only(low), 3.0, columns, rows
+    order = sorted_by_cell(target.means, target.widths, *grid)
+    ends, members = targets_in_reach(
+        *(read_only(array) for array in order), *grid, float(target.widths.max()),
+        source.means, source.widths, 9.0, 2.5,
+    )  # fmt: skip
     squares = ((source.means[:, None] - target.means) ** 2).sum(axis=2)
     expected = squares < 9.0 * (source.widths[:, None] + target.widths) + 2.5
-    found = _pairs((np.arange(90), starts, members))
+    found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
     assert bool(found) == (spread < 2000.0)
-
-
-def test_listing_by_parts_gives_the_same_lists():
-    rng = np.random.default_rng(3)
-    target, source = (gaussians(rng, 60, spread=8.0) for _ in range(2))
-    sides = target.means, target.widths, source.means, source.widths
-    starts, members = targets_in_reach(*sides, 25.0, 0.0, 0, 10**9)
-    first = parts = 0
-    while first < 60:
-        own_starts, own = targets_in_reach(*sides, 25.0, 0.0, first, 100)
-        done = first + len(own_starts) - 1
-        np.testing.assert_array_equal(own, members[starts[first] : starts[done]])
-        np.testing.assert_array_equal(own_starts, starts[first : done + 1] - starts[first])
-        first, parts = done, parts + 1
-    assert parts > 3
 
 
 def test_far_places_and_empty_sets_have_nothing_in_reach():
     rng = np.random.default_rng(5)
     some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
-    far = read_only(np.array([[1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]]))
-    starts, members = targets_in_reach(
-        some.means, some.widths, far, some.widths[:3], 25.0, 0.0, 0, 10**9
-    )
-    assert starts.tolist() == [0, 0, 0, 0]
-    assert len(members) == 0
+    for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
+        near = NearPairs(some, some, Pose(np.eye(3), np.array(far)), 25.0)
+        assert _all(near) == set()
     for pair in ((some, none), (none, some)):
-        assert list(near_pairs(*pair, Pose.identity(), 25.0)) == []
+        assert list(NearPairs(*pair, Pose.identity(), 25.0).parts) == []
         assert GaussiansToGaussians(target=pair[0], source=pair[1]).linearise(_step(rng)).value == 0
 
 
@@ -98,16 +95,15 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_reach():
         pose, target.means, target.covariances, source.means, source.covariances
     )
     assert ((s > 20.0) & (s < 25.0)).sum() > 50
-    [near] = near_pairs(target, source, pose, 25.0)
     within = set(zip(*(rows.tolist() for rows in np.nonzero(s < 25.0)), strict=True))
-    assert within <= _pairs(near.lists)
+    assert within <= _all(NearPairs(target, source, pose, 25.0))
 
 
 def test_lists_hold_until_something_may_have_moved_too_far():
     rng = np.random.default_rng(6)
     target, source = (gaussians(rng, 300, spread=20.0, most=0.8) for _ in range(2))
     start = _step(rng, 0.1)
-    [near] = near_pairs(target, source, start, 25.0)
+    near = NearPairs(target, source, start, 25.0)
     assert near.hold_at(start)
     held = 0
     for size in np.geomspace(1e-4, 0.5, 40):
@@ -120,7 +116,7 @@ def test_lists_hold_until_something_may_have_moved_too_far():
                 pose, target.means, target.covariances, source.means, source.covariances
             )
             scored = {(i, j) for i, j in zip(*np.nonzero(s < 25.0), strict=True)}
-            assert scored <= _pairs(near.lists)
+            assert scored <= _all(near)
     assert 5 < held < 40
 
 
@@ -131,9 +127,9 @@ def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
 
     def counted(*arguments):
         made.append(arguments[2])
-        return near_pairs(*arguments)
+        return NearPairs(*arguments)
 
-    monkeypatch.setattr("scanlock.objectives.gaussian_scores.near_pairs", counted)
+    monkeypatch.setattr("scanlock.objectives.gaussian_scores.NearPairs", counted)
     both = GaussiansToGaussians(target=target, source=source)
     poses = [_step(rng, 0.05) for _ in range(4)]
     close = [pose.retract(1e-6 * np.ones(6)) for pose in poses]
@@ -147,15 +143,32 @@ def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
     np.testing.assert_allclose(values, fresh, rtol=1e-12)
 
 
-def test_too_many_pairs_are_listed_by_parts(monkeypatch):
+def test_more_pairs_than_are_kept_are_listed_anew(monkeypatch):
     rng = np.random.default_rng(8)
-    target, source = (gaussians(rng, 120, spread=6.0) for _ in range(2))
+    target, source = (gaussians(rng, 2500, spread=20.0) for _ in range(2))
     pose = _step(rng, 0.1)
     whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
     monkeypatch.setattr(module, "_MOST_KEPT", 500)
-    assert len(list(near_pairs(target, source, pose, 25.0))) > 3
-    objective = GaussiansToGaussians(target=target, source=source)
-    for _ in range(2):
-        parts = objective.linearise(pose)
-        np.testing.assert_allclose(parts.value, whole.value, rtol=1e-12)
-        np.testing.assert_allclose(parts.gradient, whole.gradient, atol=1e-10)
+    near = NearPairs(target, source, pose, 25.0)
+    assert len(near.parts) == 3
+    for part in near.parts:
+        again, before = near.lists(part), near.lists(part)
+        assert (again is before) == (part == 0)
+    assert len(near._kept) == 1
+    parts = GaussiansToGaussians(target=target, source=source).linearise(pose)
+    assert parts.value == whole.value
+    np.testing.assert_array_equal(parts.hessian, whole.hessian)
+
+
+def test_the_same_bits_whatever_the_number_of_threads():
+    rng = np.random.default_rng(10)
+    target, source = (gaussians(rng, 3000, spread=25.0) for _ in range(2))
+    found = []
+    for count in (1, 2, 3, 7):
+        objective = GaussiansToGaussians(target=target, source=source)
+        with using_threads(count):
+            found.append([objective.linearise(_step(np.random.default_rng(1), 0.1)) for _ in "ab"])
+    for first, second in found:
+        for one in (first, second):
+            assert one.value == found[0][0].value
+            np.testing.assert_array_equal(one.hessian, found[0][0].hessian)

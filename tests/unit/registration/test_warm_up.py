@@ -14,6 +14,7 @@ from scanlock.kernels import (
     plan_view,
     polar,
     range_image,
+    turned_maps,
 )
 from scanlock.models.segmentation import segment
 from scanlock.registration.methods import METHODS
@@ -30,12 +31,12 @@ _KERNELS = (
     meeting.meeting_gaussians,
     moments.labelled_moments,
     plan_view.column_slots,
-    plan_view.turned_maps,
     polar.polar_cells,
     range_image.looked_through,
     range_image.nearest_ranges,
     d2d.d2d_terms,
     p2d.p2d_terms,
+    turned_maps.turned_maps,
 )
 
 
