@@ -27,6 +27,7 @@ def register(
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
     prior: tuple[float, float] | None = None,
+    threads: int = 1,
     output: OutputFile = None,
     picture: Path | None = None,
     json: Flag = False,
@@ -52,6 +53,8 @@ def register(
         (xyz+yaw) and a flat world (xy+yaw).
     prior : tuple of float
         How sure the initial pose is: standard deviations in metres and in degrees.
+    threads : int
+        How many threads may share the work; the result does not depend on it.
     output : Path
         Where to write the pose: .txt or .npy (4x4 matrix), or .json (whole result).
     picture : Path
@@ -98,6 +101,7 @@ def register(
             initial=start,
             dof=dof,
             prior=belief,
+            threads=threads,
         )
     content = _content(result, target, source, read_time, verbose)
     if output is not None:

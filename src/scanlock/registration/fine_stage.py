@@ -22,6 +22,7 @@ from scanlock.registration.voxel_scan import measured_points, require_widths
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.solver import Solver
+from scanlock.threads import spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,8 +126,8 @@ class FineStage:
         return scan if scan.width == width else self._cells(scan.points, width)
 
     def _cells(self, points: Points, width: float) -> FineScan:
-        grids = [
-            replace(self.grid, offset=offset).gaussians(points, width).gaussians
-            for offset in self.offsets
-        ]
+        grids = spread(
+            lambda offset: replace(self.grid, offset=offset).gaussians(points, width).gaussians,
+            self.offsets,
+        )
         return FineScan(points, width, Gaussians.joined(grids), grids[0])

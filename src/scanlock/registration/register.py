@@ -18,6 +18,7 @@ from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
 from scanlock.registration.verdict import judge, weakest_direction
+from scanlock.threads import spread, using_threads
 
 
 def register(
@@ -28,6 +29,7 @@ def register(
     initial: ArrayLike | Pose | None = None,
     dof: DegreesOfFreedom = "xyz+rpy",
     prior: PosePrior | None = None,
+    threads: int = 1,
 ) -> Registration:
     """Return the pose that carries the source scan onto the target scan.
 
@@ -50,6 +52,9 @@ def register(
         everything, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for a flat world.
     prior : PosePrior, optional
         A Gaussian belief about the pose, weighed against the scans as one more observation.
+    threads : int
+        How many threads may share the work; the result is the same to the last bit. Calls from
+        threads or processes of your own need no more than one each.
 
     Returns
     -------
@@ -66,7 +71,8 @@ def register(
     name, chosen = _method(method, source, target)
     start = _start(initial)
     Restraint(dof=dof)
-    sides = [_ready(scan, role, chosen) for scan, role in ((target, "target"), (source, "source"))]
+    with using_threads(threads):
+        sides = spread(lambda side: _ready(*side, chosen), ((target, "target"), (source, "source")))
     clock = StageClock()
     for scan, side in zip((target, source), sides, strict=True):
         if not isinstance(scan, PreparedScan):
@@ -92,12 +98,13 @@ def register(
     with clock.stage("align"):
         restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
         kept, begins = (sides[0].kept, sides[1].kept), local_pose(start, *clouds)
-        if isinstance(chosen, Search):
-            # Coordinates of a map say where the scans lie, as an initial pose does.
-            is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
-            found = chosen.find(*kept, begins if is_placed else None, restraint)
-        else:
-            found = Found(chosen.align(*kept, begins, restraint), ())
+        # Coordinates of a map say where the scans lie, as an initial pose does.
+        is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
+        with using_threads(threads):
+            if isinstance(chosen, Search):
+                found = chosen.find(*kept, begins if is_placed else None, restraint)
+            else:
+                found = Found(chosen.align(*kept, begins, restraint), ())
         solution = found.solution
     with clock.stage("verdict"):
         overlap, score, status, reason = _verdict(found, evidence[0], evidence[1])
