@@ -100,5 +100,7 @@ def test_every_kernel_is_compiled_for_one_signature(method):
     assert set(signatures.values()) <= {"0", "1"}
     used = {"polar.polar_cells", "cutting.cut_by_extent", "meeting.meeting_gaussians"}
     used |= {"grouping.occupied_cells", "grouping.joined_groups", "d2d.d2d_terms"}
-    used |= {"p2d.p2d_terms", "tiles.tile_lists"} if "p2d" in method else set()
+    used |= (
+        {"p2d.p2d_terms", "p2d.point_balls", "morton.morton_codes"} if "p2d" in method else set()
+    )
     assert {signatures[name] for name in used} == {"1"}

@@ -62,15 +62,3 @@ def own_cell_value(pose, target, points, width):
                 gap = point - mean
                 total -= rho(gap @ np.linalg.inv(covariance) @ gap)
     return float(total) / len(points)
-
-
-def tile_members(means, radii, corner, width, columns, rows):
-    """Which discs reach each square tile, by the distance from the disc's centre to it."""
-    members = []
-    for row in range(rows):
-        for column in range(columns):
-            low = corner + width * np.array([column, row])
-            nearest = np.clip(means[:, :2], low, low + width)
-            gap = np.linalg.norm(nearest - means[:, :2], axis=1)
-            members.append(np.flatnonzero(gap <= radii).tolist())
-    return members

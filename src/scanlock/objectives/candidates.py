@@ -9,23 +9,16 @@ from typing import Protocol
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector, read_only
+from scanlock.arrays import Labels, Points, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import require_count
 from scanlock.kernels.cells import rows_within
-from scanlock.kernels.tiles import tile_lists
 from scanlock.models.voxel_gaussians import VoxelGaussians
 
 Lists = tuple[Labels, Labels, Labels]
 """Lists of each source (m,), where they start (l + 1,) and their members."""
 
 _NONE = read_only(np.empty(0, np.int64))
-
-_TILE_WIDTH = 3.0
-"""Side of the tiles that list the Gaussians in reach [m]; about the size of a cluster."""
-
-_MOST_TILES_A_SIDE = 256
-"""Wide maps get wider tiles instead of more memory."""
 
 
 class Candidates(Protocol):
@@ -43,37 +36,6 @@ class EveryTarget:
     def at(self, places: Points) -> Lists:
         """Return no list at all, which stands for everyone."""
         return _NONE, _NONE, _NONE
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tiles:
-    """Lists of the Gaussians that reach each square tile of the xy plane.
-
-    Attributes
-    ----------
-    starts, members : (columns * rows + 1,), (l,)
-        Of the list of each tile, row by row.
-    corner : (2,) [m]
-    width : float [m]
-    columns, rows : int
-    """
-
-    starts: Labels
-    members: Labels
-    corner: Vector
-    width: float
-    columns: int
-    rows: int
-
-    @classmethod
-    def of(cls, means: Points, radii: Vector, least_width: float = _TILE_WIDTH) -> "Tiles":
-        """Return the tiles of means (k, 3) that reach as far as their radii [m]."""
-        low = (means[:, :2] - radii[:, None]).min(axis=0)
-        high = (means[:, :2] + radii[:, None]).max(axis=0)
-        width = max(least_width, float((high - low).max()) / _MOST_TILES_A_SIDE)
-        columns, rows = (int(count) for count in np.floor((high - low) / width) + 1)
-        starts, members = tile_lists(means, radii, low, width, columns, rows)
-        return cls(read_only(starts), read_only(members), low, width, columns, rows)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

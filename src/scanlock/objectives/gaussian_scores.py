@@ -6,13 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector
+from scanlock.arrays import Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.d2d import d2d_terms
-from scanlock.kernels.p2d import p2d_terms
+from scanlock.kernels.morton import morton_codes
+from scanlock.kernels.p2d import p2d_terms, point_balls
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.candidates import Candidates, Lists, Tiles
+from scanlock.objectives.candidates import Candidates, Lists
 from scanlock.objectives.near_pairs import NearPairs
 from scanlock.objectives.quadratic import Curvature, Quadratic
 from scanlock.threads import spread
@@ -174,17 +175,9 @@ class PointsToGaussians:
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        tiles = self._tiles
         terms = p2d_terms(
-            self.points,
-            self.target.means,
-            self.target.packed_precisions,
-            tiles.starts,
-            tiles.members,
-            tiles.corner,
-            tiles.width,
-            tiles.columns,
-            tiles.rows,
+            *self._blocks,
+            self._rows,
             pose.rotation,
             pose.translation,
             *self.shape.parameters,
@@ -193,7 +186,18 @@ class PointsToGaussians:
         return Quadratic.from_terms(self.shape.height / len(self.points) * terms)
 
     @cached_property
-    def _tiles(self) -> Tiles:
-        """Lists of the Gaussians that can meet a point of each tile of the plane."""
+    def _blocks(self) -> tuple[Points, Matrix]:
+        """The points with neighbours together, and balls around each few of them."""
+        order = np.argsort(morton_codes(read_only(self.points)))
+        points = read_only(self.points[order])
+        return points, read_only(point_balls(points))
+
+    @cached_property
+    def _rows(self) -> Matrix:
+        """Mean, packed precision and reach [m] of each Gaussian, a row (10) each."""
         _, _, window_end = self.shape.parameters
-        return Tiles.of(self.target.means, np.sqrt(window_end * self.target.widths))
+        rows = np.empty((len(self.target), 10))
+        rows[:, :3] = self.target.means
+        rows[:, 3:9] = self.target.packed_precisions
+        rows[:, 9] = np.sqrt(window_end * self.target.widths)
+        return read_only(rows)

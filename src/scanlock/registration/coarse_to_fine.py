@@ -5,6 +5,7 @@ as the blur. Neither paper does this for clusters; Das and Waslander 2012 do it 
 of k-means clusters.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -12,7 +13,7 @@ from scanlock.errors import InvalidInput, require_at_least, require_fraction, re
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.quadratic import Objective
 from scanlock.solvers.newton import Newton
-from scanlock.solvers.solution import Solution
+from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.solver import Solver
 from scanlock.solvers.stopping import StopReason
 
@@ -88,28 +89,51 @@ class CoarseToFine:
         start : Pose
             Where the coarsest scale begins; returned untouched if nothing meets at the finest.
         """
-        best = self._descend(objective_at, 0, start)
-        history = [*best.history]
+        objective_at = functools.cache(objective_at)
+        ends: list[tuple[int, Pose]] = []
+        solutions: list[Solution] = []
+        history: list[Iteration] = []
         for entry, scale in enumerate(self.scales):
-            if entry > 0 and scale.is_entry:
-                solution = self._descend(objective_at, entry, start)
-                history.extend(solution.history)
-                best = min(best, solution, key=lambda one: one.quadratic.value)
+            if entry == 0 or scale.is_entry:
+                solution, steps = self._descend(objective_at, entry, start, ends)
+                history += steps
+                if solution is not None:
+                    solutions.append(solution)
+        best = min(solutions, key=lambda one: one.quadratic.value)
         pose = start if best.reason is StopReason.NO_SUPPORT else best.pose
         return replace(best, pose=pose, history=tuple(history))
 
     def _descend(
-        self, objective_at: Callable[[int], Objective], entry: int, start: Pose
-    ) -> Solution:
-        solution = self._solver_at(self.scales[entry]).minimise(objective_at(entry), start)
-        history = [*solution.history]
-        for index in range(entry + 1, len(self.scales)):
+        self,
+        objective_at: Callable[[int], Objective],
+        entry: int,
+        start: Pose,
+        ends: list[tuple[int, Pose]],
+    ) -> tuple[Solution | None, list[Iteration]]:
+        """Return where a descent leads, or None once it is where an earlier one was.
+
+        It adds the pose at the end of each of its scales to `ends`.
+        """
+        solution, history, own = None, list[Iteration](), list[tuple[int, Pose]]()
+        for index in range(entry, len(self.scales)):
             solver = self._solver_at(self.scales[index])
-            solution = solver.minimise(objective_at(index), solution.pose)
-            history.extend(solution.history)
-        return replace(solution, history=tuple(history))
+            solution = solver.minimise(objective_at(index), start)
+            history += solution.history
+            start = solution.pose
+            # Either stopped a step from the minimum at most, so this is one and the same.
+            same = 2.0 * solver.stopping.step
+            if any(at == index and _gap(start, pose, solver.lever) <= same for at, pose in ends):
+                return None, history
+            own.append((index, start))
+        ends += own
+        return solution, history
 
     def _solver_at(self, scale: Scale) -> Solver:
         stopping = self.solver.stopping
         step = max(stopping.step, self.loose_step * scale.blur)
         return replace(self.solver, stopping=replace(stopping, step=step))
+
+
+def _gap(one: Pose, other: Pose, lever: float) -> float:
+    metres, radians = one.distance(other)
+    return metres + lever * radians

@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
@@ -7,83 +5,76 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.p2d import p2d_terms
-from scanlock.kernels.tiles import tile_lists
+from scanlock.kernels.p2d import p2d_terms, point_balls
 
 
-def _tiles(means, radii, corner, width, columns, rows):
-    return tile_lists(read_only(means), read_only(radii), read_only(corner), width, columns, rows)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_tiles_list_the_discs_that_reach_them(seed):
-    rng = np.random.default_rng(seed)
-    means = rng.uniform(-20.0, 20.0, (30, 3))
-    radii = rng.uniform(0.1, 4.0, 30)
-    corner = np.array([-15.0, -9.0])
-    starts, members = _tiles(means, radii, corner, 2.5, 9, 7)
-    lists = [members[a:b].tolist() for a, b in pairwise(starts)]
-    assert lists == reference.tile_members(means, radii, corner, 2.5, 9, 7)
-    assert any(lists)
-    assert not all(lists)
-
-
-def test_a_disc_on_an_edge_is_listed_on_both_sides():
-    means = np.array([[3.0, 3.0, 0.0]])
-    starts, members = _tiles(means, np.array([0.5]), np.zeros(2), 3.0, 2, 2)
-    np.testing.assert_array_equal(starts, [0, 1, 2, 3, 4])
-    np.testing.assert_array_equal(members, 0)
-
-
-def test_terms_from_lists_match_the_sum_over_all_pairs():
-    rng = np.random.default_rng(9)
-    target = gaussians(rng, 20, spread=6.0)
-    points = rng.uniform(-12.0, 12.0, (300, 3))
-    pose = Pose.from_step(rng.normal(size=6))
-    radii = np.sqrt(25.0 * target.widths)
-    low = (target.means[:, :2] - radii[:, None]).min(axis=0)
-    columns, rows = np.ceil(((target.means[:, :2] + radii[:, None]).max(axis=0) - low) / 2.0)
-    grid = (read_only(low), 2.0, int(columns), int(rows))
-    lists = _tiles(target.means, radii, *grid)
-    terms = p2d_terms(
-        read_only(points),
-        target.means,
-        target.packed_precisions,
-        *lists,
-        *grid,
+def _terms(target, points, pose, *, end=25.0, exact=1.0, reach_factor=1.0):
+    reaches = reach_factor * np.sqrt(end * target.widths)
+    points = read_only(np.array(points, float).reshape(-1, 3))
+    return p2d_terms(
+        points,
+        read_only(point_balls(points)),
+        read_only(np.column_stack([target.means, target.packed_precisions, reaches])),
         pose.rotation,
         pose.translation,
         1.0,
         16.0,
-        25.0,
-        1.0,
+        end,
+        exact,
     )
-    expected = 300 * reference.p2d_value(pose, target, points)
-    np.testing.assert_allclose(terms[0], expected, rtol=1e-11)
 
 
-def test_a_point_outside_all_tiles_meets_nothing():
+# A block holds 32 points, and eight blocks share a first look.
+@pytest.mark.parametrize("count", [1, 31, 32, 33, 300, 700])
+def test_the_value_is_the_sum_over_all_pairs(count):
+    rng = np.random.default_rng(count)
+    target = gaussians(rng, 40, spread=6.0)
+    points = rng.uniform(-12.0, 12.0, (count, 3))
+    points[0] = target.means[0]
+    pose = Pose.from_step(0.1 * rng.normal(size=6))
+    expected = count * reference.p2d_value(pose, target, points)
+    assert expected < 0.0
+    np.testing.assert_allclose(_terms(target, points, pose)[0], expected, rtol=1e-11)
+
+
+def test_the_bound_on_the_distance_skips_no_round_gaussian():
+    # Blocks of one place each: the bound is then the distance itself, and a shorter reach shows.
+    rng = np.random.default_rng(3)
+    target = gaussians(rng, 50, least=1.0, most=1.0)
+    points = np.repeat(rng.uniform(-12.0, 12.0, (40, 3)), 256, axis=0)
+    value = _terms(target, points, Pose.identity())[0]
+    expected = len(points) * reference.p2d_value(Pose.identity(), target, points)
+    np.testing.assert_allclose(value, expected, rtol=1e-11)
+    short = _terms(target, points, Pose.identity(), reach_factor=0.6)[0]
+    assert abs(short / value - 1.0) > 1e-9
+
+
+def test_the_order_of_the_points_changes_no_sum():
+    rng = np.random.default_rng(4)
+    target = gaussians(rng, 20, spread=30.0)
+    points = target.means[rng.integers(20, size=500)] + rng.normal(0.0, 1.0, (500, 3))
+    pose = Pose.from_step(0.01 * rng.normal(size=6))
+    one, other = (_terms(target, some, pose) for some in (points, points[rng.permutation(500)]))
+    np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-12 * np.abs(one).max())
+
+
+def test_balls_hold_their_points_and_touch_one():
+    rng = np.random.default_rng(5)
+    points = rng.normal(0.0, 5.0, (100, 3))
+    balls = point_balls(read_only(points))
+    assert balls.shape == (4, 4)
+    for ball, block in zip(balls, np.split(points, [32, 64, 96]), strict=True):
+        np.testing.assert_allclose(ball[:3], block.mean(axis=0))
+        gaps = np.linalg.norm(block - ball[:3], axis=1)
+        assert ball[3] == pytest.approx(gaps.max())
+
+
+def test_what_is_out_of_reach_and_what_is_not_there_count_nothing():
     rng = np.random.default_rng(10)
-    target = gaussians(rng, 3, spread=1.0)
-    lists = _tiles(target.means, np.full(3, 50.0), np.zeros(2), 1.0, 2, 2)
-    outside = np.array([[-1e-9, 1.0, 0.0], [1.0, 2.0, 0.0], [np.nextafter(2.0, 3.0), 1.0, 0.0]])
-    terms = p2d_terms(
-        read_only(outside),
-        target.means,
-        target.packed_precisions,
-        *lists,
-        read_only(np.zeros(2)),
-        1.0,
-        2,
-        2,
-        Pose.identity().rotation,
-        Pose.identity().translation,
-        1.0,
-        16.0,
-        25.0,
-        1.0,
-    )
-    np.testing.assert_array_equal(terms, np.zeros(28))
+    some, none = gaussians(rng, 3, spread=1.0), gaussians(rng, 0)
+    far = [[1e3, 0.0, 0.0], [0.0, 0.0, -1e12]]
+    for target, points in ((some, far), (none, far), (some, [])):
+        np.testing.assert_array_equal(_terms(target, points, Pose.identity()), np.zeros(28))
 
 
 def test_the_convex_part_is_that_of_gauss_and_newton():
@@ -91,11 +82,6 @@ def test_the_convex_part_is_that_of_gauss_and_newton():
     target = gaussians(rng, 6, spread=2.0)
     points = rng.uniform(-3.0, 3.0, (40, 3))
     pose = Pose.from_step(0.1 * rng.normal(size=6))
-    lists = _tiles(target.means, np.full(6, 50.0), np.full(2, -60.0), 120.0, 1, 1)
-    terms = p2d_terms(
-        read_only(points), target.means, target.packed_precisions, *lists,
-        read_only(np.full(2, -60.0)), 120.0, 1, 1, pose.rotation, pose.translation,
-        1.0, 16.0, 25.0, 0.0,
-    )  # fmt: skip
+    terms = _terms(target, points, pose, exact=0.0)
     expected = reference.p2d_gauss_newton(pose, target, points)
     np.testing.assert_allclose(terms[7:], expected[np.triu_indices(6)], rtol=1e-9, atol=1e-12)

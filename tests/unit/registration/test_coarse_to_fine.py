@@ -59,6 +59,57 @@ def test_blurred_scales_stop_at_a_share_of_their_blur_and_the_sharp_one_at_the_t
     np.testing.assert_allclose(ends, [[0.0, 0.3, 0.3], [0.0, 0.0, 0.03]], atol=1e-9)
 
 
+_TWO_ENTRIES = (_SCALES[0], Scale(blur=1.0, largest_radius=2.0, is_entry=True), _SCALES[2])
+
+
+def test_a_descent_that_comes_to_where_another_was_goes_no_further():
+    bowls = [_Bowl(1.0), _Bowl(2.0), _Bowl(2.5)]
+    solution = CoarseToFine(scales=_TWO_ENTRIES).minimise(bowls.__getitem__, Pose.identity())
+    np.testing.assert_allclose(solution.pose.translation, [2.5, 0.0, 0.0], atol=1e-6)
+    # Two evaluations reach the minimum of a bowl: in the middle twice, in the others once.
+    assert [len(bowl.starts) for bowl in bowls] == [2, 4, 2]
+    assert len(solution.history) == 8
+
+
+class _Wells(_Bowl):
+    """Two bowls side by side, of which the right one is deeper by `lead`."""
+
+    def __init__(self, lead):
+        super().__init__(2.0)
+        self.other, self.lead = _Bowl(-2.0), lead
+
+    def linearise(self, pose):
+        if pose.translation[0] <= 0.0:
+            return self.other.linearise(pose)
+        at = super().linearise(pose)
+        return Quadratic(at.value - self.lead, at.gradient, at.hessian)
+
+
+@pytest.mark.parametrize("lead", [1.0, -1.0])
+def test_descents_that_end_elsewhere_both_go_on_and_the_lower_one_wins(lead):
+    # The first scale leads to the right, while the start lies on the left.
+    wells = [_Wells(lead), _Wells(lead)]
+    solution = CoarseToFine(scales=_TWO_ENTRIES).minimise(
+        [_Bowl(1.0), *wells].__getitem__, Pose.identity()
+    )
+    for well in wells:
+        assert well.starts
+        assert well.other.starts
+    expected = [np.copysign(2.0, lead), 0.0, 0.0]
+    np.testing.assert_allclose(solution.pose.translation, expected, atol=1e-6)
+
+
+def test_the_objective_of_a_scale_is_made_once():
+    made = []
+
+    def objective_at(index):
+        made.append(index)
+        return _Wells(1.0) if index else _Bowl(1.0)
+
+    CoarseToFine(scales=_TWO_ENTRIES).minimise(objective_at, Pose.identity())
+    assert made == [0, 1, 2]
+
+
 def test_the_reason_is_that_of_the_finest_scale():
     flat = [_Bowl(0.0), _Bowl(0.0), _Bowl(50.0, curvature=1e-3)]
     short = Newton(stopping=Stopping(iterations=2))
