@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Matrix, Points, Vector
+from scanlock.arrays import Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
 _BLOCK = 256
@@ -34,7 +34,7 @@ def _place(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
 
 @kernel
 def _place_block(
-    points: Points, start: int, side: int, place: Vector, bins: Labels, squares: Vector
+    points: Points, start: int, side: int, place: Vector, bins: NDArray[np.int32], squares: Vector
 ) -> None:
     """Write the bin, -1 without one, and squared range of the points from `start` on.
 
