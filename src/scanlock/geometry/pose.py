@@ -57,17 +57,30 @@ class Pose:
     translation: Vector
 
     def __post_init__(self) -> None:
-        for name, shape in (("rotation", (3, 3)), ("translation", (3,))):
-            # Adding zero turns -0.0 into 0.0, so that equal poses have equal bytes to hash.
-            array = _real_array(name, getattr(self, name), [shape]) + 0.0
-            frozen(array)
-            object.__setattr__(self, name, array)
+        self._keep(
+            _real_array("rotation", self.rotation, [(3, 3)]),
+            _real_array("translation", self.translation, [(3,)]),
+        )
         gap = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
         if gap > _ROUNDING or np.linalg.det(self.rotation) < 0:
             raise InvalidInput(
                 f"rotation must be orthonormal with determinant +1, got {self.rotation.tolist()}; "
                 "Pose.from_matrix mends one that is slightly off"
             )
+
+    @classmethod
+    def _of_poses(cls, rotation: Matrix, translation: Vector) -> "Pose":
+        """Return a pose whose parts were computed of those of poses, and need no check."""
+        pose = object.__new__(cls)
+        pose._keep(rotation, translation)
+        return pose
+
+    def _keep(self, rotation: Matrix, translation: Vector) -> None:
+        for name, array in (("rotation", rotation), ("translation", translation)):
+            # Adding zero turns -0.0 into 0.0, so that equal poses have equal bytes to hash.
+            array = np.ascontiguousarray(array) + 0.0
+            frozen(array)
+            object.__setattr__(self, name, array)
 
     @classmethod
     def identity(cls) -> "Pose":
@@ -103,7 +116,7 @@ class Pose:
     def from_step(cls, step: Vector) -> "Pose":
         """Return the motion ``y -> exp(phi) y + rho`` of a step ``(rho, phi)`` [m, rad]."""
         step = _real_array("step", step, [(6,)])
-        return cls(exp_rotation(step[3:]), step[:3])
+        return cls._of_poses(exp_rotation(step[3:]), step[:3])
 
     @property
     def matrix(self) -> Matrix:
@@ -121,19 +134,19 @@ class Pose:
         return points @ self.rotation.T + self.translation
 
     def __matmul__(self, other: "Pose") -> "Pose":
-        return Pose(
+        return Pose._of_poses(
             self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
         )
 
     def inverse(self) -> "Pose":
         """Return the motion back."""
-        return Pose(self.rotation.T, -(self.rotation.T @ self.translation))
+        return Pose._of_poses(self.rotation.T, -(self.rotation.T @ self.translation))
 
     def retract(self, step: Vector) -> "Pose":
         """Return this pose followed by a small step ``(rho, phi)`` in the target frame."""
         moved = Pose.from_step(step) @ self
         # Long chains of products drift off the rotations; one projection a step holds them.
-        return Pose(nearest_rotation(moved.rotation), moved.translation)
+        return Pose._of_poses(nearest_rotation(moved.rotation), moved.translation)
 
     def distance(self, other: "Pose") -> tuple[float, float]:
         """Return how far another pose is: translation [m] and rotation angle [rad]."""
