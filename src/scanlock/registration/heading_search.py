@@ -124,8 +124,12 @@ class HeadingSearch:
         turns = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
         stays = self._spectra(target, quarters, cell)
         moves = self._spectra(source, turns, cell).conj()
-        product = (stays[:, None] * moves[None]).reshape(self.headings, *stays.shape[1:])
-        return cast(_Maps, fft.irfft2(product, s=(_SIDE, _SIDE), overwrite_x=True))
+        agreement = np.empty((self.headings, _SIDE, _SIDE), np.float32)
+        # A quarter at a time, which a cache holds.
+        for quarter, one in enumerate(stays):
+            own = agreement[quarter * len(turns) : (quarter + 1) * len(turns)]
+            own[:] = cast(_Maps, fft.irfft2(one * moves, s=(_SIDE, _SIDE), overwrite_x=True))
+        return agreement
 
     def _spectra(self, view: PlanView, turns: Vector, cell: float) -> _Spectra:
         """Return the transforms of the maps at each turn, whitened."""
