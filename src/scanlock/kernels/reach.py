@@ -77,22 +77,22 @@ def targets_in_reach(
     widest: Vector,
     places: Points,
     source_widths: Vector,
+    margins: Vector,
     scale: float,
-    margin: float,
 ) -> tuple[Labels, Labels]:
     """Return the targets within reach of each source, and none but these.
 
     A target is in reach when its squared distance is below ``scale (w_t + w_s) + margin``, with
-    the widths w of both. Source i has the ``members[ends[i] : ends[i + 1]]``. The targets come as
-    `sorted_by_cell` leaves them: for the few wide ones one looks farther than for all others.
+    the widths w of both and the margin of the source. Source i has the
+    ``members[ends[i] : ends[i + 1]]``. The targets come as `sorted_by_cell` leaves them: for the
+    few wide ones one looks farther than for all others.
 
     Parameters
     ----------
     places : (m, 3) [m]
         Means of the sources.
-    source_widths : (m,) [m^2]
+    source_widths, margins : (m,) [m^2]
     scale : float
-    margin : float [m^2]
     """
     k, m = order.shape[0], places.shape[0]
     ends = np.zeros(m + 1, np.int64)
@@ -101,7 +101,7 @@ def targets_in_reach(
     filled = 0
     for i in range(m):
         x0, y0, z0 = places[i, 0], places[i, 1], places[i, 2]
-        limit = scale * source_widths[i] + margin
+        limit = scale * source_widths[i] + margins[i]
         if members.shape[0] < filled + k:
             members = np.concatenate((members, np.empty(members.shape[0] + k, np.int64)))
         for kind in range(widest.shape[0]):

@@ -14,7 +14,7 @@ from scanlock.kernels.morton import morton_codes
 from scanlock.kernels.p2d import p2d_terms, point_balls
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Candidates, Lists
-from scanlock.objectives.near_pairs import NearPairs
+from scanlock.objectives.near_pairs import NearPairs, Reach
 from scanlock.objectives.quadratic import Curvature, Quadratic
 from scanlock.threads import spread
 
@@ -145,11 +145,15 @@ class GaussiansToGaussians:
             float(self.curvature == "exact"),
         )
 
+    @cached_property
+    def _reach(self) -> Reach:
+        _, _, window_end = self.shape.parameters
+        return Reach(self.target, self.source, window_end)
+
     def _near_at(self, pose: Pose) -> NearPairs:
         near: NearPairs | None = self.__dict__.get(_KEPT)
         if near is None or not near.hold_at(pose):
-            _, _, window_end = self.shape.parameters
-            near = NearPairs(self.target, self.source, pose, window_end)
+            near = NearPairs(self._reach, pose)
             # Not part of what the objective is: values are the same whatever is kept.
             self.__dict__[_KEPT] = near
         return near

@@ -18,8 +18,8 @@ from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Lists
 
-_SLACK = 0.1
-"""How much farther the lists reach, as a share of the typical reach."""
+_SLACK = 0.07
+"""How far the centre may move while lists last, as a share of the typical reach."""
 
 _PART = 1024
 """Sources whose pairs are one piece of work, whatever the number of threads."""
@@ -36,7 +36,76 @@ _LEAST_CELL = 1e-3
 _NARROW = 0.9
 """This share of the targets is looked for by itself, no farther than its own widths allow."""
 
+_LEAST_ARM = 1e-3
+"""Least typical distance of the sources from their centre [m]: there may be only one."""
+
 _Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, Vector]
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """How far each source reaches, whatever the pose.
+
+    Attributes
+    ----------
+    target, source : Gaussians
+    window_end : float
+        Squared Mahalanobis distance from which a pair scores nothing.
+    """
+
+    target: Gaussians
+    source: Gaussians
+    window_end: float
+
+    @property
+    def scale(self) -> float:
+        """A pair is in reach at a squared distance below this by both widths, and the margin."""
+        return self.window_end * (1.0 + _SLACK)
+
+    @cached_property
+    def centre(self) -> Vector:
+        """Mean of the sources in their own frame (3,) [m]."""
+        return self.source.means.sum(axis=0) / max(1, len(self.source))
+
+    @cached_property
+    def shift(self) -> float:
+        """How far the centre may move before lists must be made anew [m]."""
+        both = _quantile(self.target.widths, 0.5) + _quantile(self.source.widths, 0.5)
+        return _SLACK * math.sqrt(self.window_end * both)
+
+    @cached_property
+    def turn(self) -> float:
+        """How far all may turn about it [rad]: the typical source then moves by the shift again."""
+        arms = self._arms
+        return self.shift / max(math.sqrt(float(arms @ arms) / max(1, len(arms))), _LEAST_ARM)
+
+    @cached_property
+    def margins(self) -> Vector:
+        """What the slack of each source adds to the squared distances in reach (m,) [m^2]."""
+        slacks = self.shift + self.turn * self._arms
+        # For any share e, (sqrt(a) + slack)^2 <= (1 + e) a + (1 + 1 / e) slack^2.
+        return read_only((1.0 + 1.0 / _SLACK) * slacks**2)
+
+    @cached_property
+    def _arms(self) -> Vector:
+        gaps = self.source.means - self.centre
+        return np.sqrt(np.einsum("ij,ij->i", gaps, gaps))
+
+    @cached_property
+    def grid(self) -> _Grid:
+        """The targets, sorted into cells of half the typical reach."""
+        target = self.target
+        low, high = target.means[:, :2].min(axis=0), target.means[:, :2].max(axis=0)
+        widest = read_only(np.array([_quantile(target.widths, share) for share in (_NARROW, 1.0)]))
+        both = float(widest[0]) + _quantile(self.source.widths, 0.5)
+        reach = math.sqrt(self.scale * both + _quantile(self.margins, 0.5))
+        # Half the reach: of what is looked at, half is in reach.
+        width = max(0.5 * reach, float((high - low).max()) / _MOST_CELLS, _LEAST_CELL)
+        columns, rows = (int(count) + 1 for count in (high - low) / width)
+        corner = read_only(low)
+        place = corner, width, columns, rows
+        starts, order, inside = sorted_by_cell(target.means, target.widths, widest, *place)
+        return read_only(starts), read_only(order), read_only(inside), *place, widest
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,26 +114,23 @@ class NearPairs:
 
     Attributes
     ----------
-    target, source : Gaussians
+    reach : Reach
     pose : Pose
-    window_end : float
-        Squared Mahalanobis distance from which a pair scores nothing.
     """
 
-    target: Gaussians
-    source: Gaussians
+    reach: Reach
     pose: Pose
-    window_end: float
     _kept: dict[int, Lists] = field(default_factory=dict[int, Lists])
 
     @property
     def parts(self) -> range:
         """The pieces that the sources are cut into."""
-        return range(math.ceil(len(self.source) / _PART) if len(self.target) else 0)
+        reach = self.reach
+        return range(math.ceil(len(reach.source) / _PART) if len(reach.target) else 0)
 
     def rows(self, part: int) -> slice:
         """Return the sources of a part."""
-        return slice(part * _PART, min((part + 1) * _PART, len(self.source)))
+        return slice(part * _PART, min((part + 1) * _PART, len(self.reach.source)))
 
     def lists(self, part: int) -> Lists:
         """Return the lists of the sources of a part."""
@@ -76,52 +142,30 @@ class NearPairs:
         return kept
 
     def hold_at(self, pose: Pose) -> bool:
-        """Tell whether nothing has moved farther than the lists allow."""
-        # Twice the sine of half the angle between the two.
-        turn = float(np.linalg.norm(pose.rotation - self.pose.rotation)) / math.sqrt(2.0)
-        shift = float(np.linalg.norm(pose.translation - self.pose.translation))
-        return shift + turn * self._radius <= self.slack
-
-    @cached_property
-    def slack(self) -> float:
-        """How far anything may have moved [m]."""
-        typical = float(np.median(self.target.widths) + np.median(self.source.widths))
-        return _SLACK * math.sqrt(self.window_end * typical)
-
-    @cached_property
-    def _radius(self) -> float:
-        """Largest distance of a source from zero of its frame [m]."""
-        means = self.source.means
-        return float(np.sqrt(np.einsum("ij,ij->i", means, means).max()))
-
-    @cached_property
-    def _margin(self) -> float:
-        # For any reach r, (sqrt(a) + slack)^2 <= a (1 + slack / r) + slack (slack + r).
-        return self.slack * (self.slack + self.slack / _SLACK)
-
-    @cached_property
-    def _grid(self) -> _Grid:
-        target = self.target
-        low, high = target.means[:, :2].min(axis=0), target.means[:, :2].max(axis=0)
-        widest = np.quantile(target.widths, (_NARROW, 1.0), method="higher")
-        both = float(widest[0] + np.median(self.source.widths))
-        reach = math.sqrt(self.window_end * (1.0 + _SLACK) * both + self._margin)
-        # Half the reach: of what is looked at, half is in reach.
-        width = max(0.5 * reach, float((high - low).max()) / _MOST_CELLS, _LEAST_CELL)
-        columns, rows = (int(count) + 1 for count in (high - low) / width)
-        corner = read_only(low)
-        place = corner, width, columns, rows
-        widest = read_only(widest)
-        starts, order, inside = sorted_by_cell(target.means, target.widths, widest, *place)
-        return read_only(starts), read_only(order), read_only(inside), *place, widest
+        """Tell whether no source has moved farther than the lists allow."""
+        change = pose.rotation - self.pose.rotation
+        # A turn by a moves the end of an arm r by 2 sin(a / 2) r, and sqrt(2) times that factor
+        # is the norm of the change.
+        turn = math.sqrt(0.5 * float(np.vdot(change, change)))
+        shift = change @ self.reach.centre + pose.translation - self.pose.translation
+        return turn <= self.reach.turn and math.sqrt(float(shift @ shift)) <= self.reach.shift
 
     def _listed(self, part: int) -> Lists:
-        rows = self.rows(part)
+        rows, reach = self.rows(part), self.reach
         ends, members = targets_in_reach(
-            *self._grid,
-            read_only(self.pose.apply(self.source.means[rows])),
-            read_only(self.source.widths[rows]),
-            self.window_end * (1.0 + _SLACK),
-            self._margin,
+            *reach.grid,
+            read_only(self.pose.apply(reach.source.means[rows])),
+            read_only(reach.source.widths[rows]),
+            read_only(reach.margins[rows]),
+            reach.scale,
         )
         return read_only(np.arange(len(ends) - 1)), read_only(ends), read_only(members)
+
+
+def _quantile(values: Vector, share: float) -> float:
+    """Return the least value that is no less than a share of all; 0 where there are none."""
+    if len(values) == 0:
+        return 0.0
+    # NumPy's own takes longer than all the rest of a small grid.
+    place = math.ceil(share * (len(values) - 1))
+    return float(np.partition(values, place)[place])
