@@ -20,6 +20,10 @@ from scanlock.kernels._compile import kernel
 _MOST_LEVELS = 64
 """Cuts on the way to a leaf, and so the most sides on the stack; 2^64 points have more."""
 
+_STEPS_AHEAD = 3.0
+"""How far beyond the nearest point others are looked for, in mean steps of the queries: what steps
+that shrink from one to the next may still add up to."""
+
 
 @kernel
 def _place_middle(points: Points, order: Labels, low: int, high: int, axis: int) -> None:
@@ -132,6 +136,28 @@ def _walk_down(
 
 
 @kernel
+def _nearest(
+    points: Points, axes: Labels, places: Vector, x0: float, x1: float, x2: float,
+    row: int, best: float, nodes: Labels, offsets: Matrix,
+) -> tuple[int, float]:  # fmt: skip
+    """Return the row of the nearest point and its squared distance, or those given if less."""
+    nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, points.shape[0]
+    offsets[0, 0] = offsets[0, 1] = offsets[0, 2] = offsets[0, 3] = 0.0
+    top = 1
+    while top > 0:
+        if offsets[top - 1, 3] >= best:
+            top -= 1
+            continue
+        top = _walk_down(x0, x1, x2, axes, places, nodes, offsets, top, best)
+        for p in range(nodes[top, 1], nodes[top, 2]):
+            d0, d1, d2 = x0 - points[p, 0], x1 - points[p, 1], x2 - points[p, 2]
+            squared = d0 * d0 + d1 * d1 + d2 * d2
+            if squared < best:
+                best, row = squared, p
+    return row, best
+
+
+@kernel
 def nearest_rows(
     points: Points, axes: Labels, places: Vector, queries: Points, limit: float
 ) -> tuple[Labels, Vector]:
@@ -143,20 +169,7 @@ def nearest_rows(
     nodes, offsets = np.zeros((_MOST_LEVELS, 3), np.int64), np.zeros((_MOST_LEVELS, 4))
     for i in range(queries.shape[0]):
         x0, x1, x2 = queries[i, 0], queries[i, 1], queries[i, 2]
-        best, row = limit * limit, -1
-        nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, points.shape[0]
-        offsets[0, 0] = offsets[0, 1] = offsets[0, 2] = offsets[0, 3] = 0.0
-        top = 1
-        while top > 0:
-            if offsets[top - 1, 3] >= best:
-                top -= 1
-                continue
-            top = _walk_down(x0, x1, x2, axes, places, nodes, offsets, top, best)
-            for p in range(nodes[top, 1], nodes[top, 2]):
-                d0, d1, d2 = x0 - points[p, 0], x1 - points[p, 1], x2 - points[p, 2]
-                squared = d0 * d0 + d1 * d1 + d2 * d2
-                if squared < best:
-                    best, row = squared, p
+        row, best = _nearest(points, axes, places, x0, x1, x2, -1, limit * limit, nodes, offsets)
         rows[i] = row
         distances[i] = math.sqrt(best) if row >= 0 else np.inf
     return rows, distances
@@ -197,3 +210,110 @@ def several_nearest_rows(
                 nearest[place] = squared
                 rows[i, place] = p
     return rows
+
+
+@kernel
+def _mean_distance(queries: Points, anchors: Points) -> float:
+    """Return the mean distance [m] between rows; 0 without any."""
+    total = 0.0
+    for i in range(queries.shape[0]):
+        d0, d1 = queries[i, 0] - anchors[i, 0], queries[i, 1] - anchors[i, 1]
+        d2 = queries[i, 2] - anchors[i, 2]
+        total += math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    return total / max(1, queries.shape[0])
+
+
+@kernel
+def _distance(points: Points, row: int, x0: float, x1: float, x2: float) -> float:
+    """Return how far a place lies from a point [m]; infinite for row -1."""
+    if row < 0:
+        return np.inf
+    d0, d1, d2 = x0 - points[row, 0], x1 - points[row, 1], x2 - points[row, 2]
+    return math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+
+
+@kernel
+def _wider(squared: float, slack: float, most: float) -> float:
+    """Return the square of a distance plus a slack, at most `most`."""
+    wider = math.sqrt(squared) + slack
+    return min(most, wider * wider)
+
+
+@kernel
+def _nearest_and_bound(
+    points: Points, axes: Labels, places: Vector, x0: float, x1: float, x2: float,
+    row: int, distance: float, slack: float, nodes: Labels, offsets: Matrix,
+) -> tuple[int, float, float]:  # fmt: skip
+    """Return the row of the nearest point, its distance, and a bound on that of any other.
+
+    Others are at the bound or farther; it is at most `slack` more than the distance. A row and
+    its distance are the first guess, or -1 and a distance beyond which no point counts.
+    """
+    best = distance * distance
+    others = (distance + slack) ** 2
+    nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, points.shape[0]
+    offsets[0, 0] = offsets[0, 1] = offsets[0, 2] = offsets[0, 3] = 0.0
+    top = 1
+    while top > 0:
+        if offsets[top - 1, 3] >= others:
+            top -= 1
+            continue
+        top = _walk_down(x0, x1, x2, axes, places, nodes, offsets, top, others)
+        for p in range(nodes[top, 1], nodes[top, 2]):
+            d0, d1, d2 = x0 - points[p, 0], x1 - points[p, 1], x2 - points[p, 2]
+            squared = d0 * d0 + d1 * d1 + d2 * d2
+            if squared >= others or p == row:
+                continue
+            if squared < best:
+                others = _wider(squared, slack, min(best, others))
+                best, row = squared, p
+            else:
+                others = squared
+    return row, math.sqrt(best), math.sqrt(others)
+
+
+@kernel
+def kept_nearest_rows(
+    points: Points, axes: Labels, places: Vector, queries: Points, limit: float,
+    typical: float, anchors: Points, kept: Labels, bounds: Vector,
+) -> tuple[Labels, Vector, float]:  # fmt: skip
+    """Return what `nearest_rows` does, for queries that move little, and the mean distance.
+
+    A query that was at `anchors` had the point `kept` nearest, and no other within `bounds` [m].
+    From a place that far off, less the way it moved, it still has not: only where that says too
+    little is the tree searched, and the three are written anew. A bound of -Inf says nothing.
+    `typical` is the mean distance of the search before [m].
+    """
+    rows, distances = np.empty(queries.shape[0], np.int64), np.empty(queries.shape[0])
+    nodes, offsets = np.zeros((_MOST_LEVELS, 3), np.int64), np.zeros((_MOST_LEVELS, 4))
+    slack = _STEPS_AHEAD * _mean_distance(queries, anchors)
+    if slack > typical:
+        # Steps so long leave no point the nearest, and to look further than it would be in vain.
+        slack = 0.0
+    total, met = 0.0, 0
+    for i in range(queries.shape[0]):
+        x0, x1, x2 = queries[i, 0], queries[i, 1], queries[i, 2]
+        row = kept[i]
+        distance = _distance(points, row, x0, x1, x2)
+        clear = bounds[i] - _distance(anchors, i, x0, x1, x2)
+        if not min(distance, limit) < clear:
+            if distance >= limit:
+                row, distance = -1, limit
+            if slack == 0.0:
+                row, best = _nearest(
+                    points, axes, places, x0, x1, x2, row, distance * distance, nodes, offsets
+                )
+                distance = bound = math.sqrt(best)
+            else:
+                row, distance, bound = _nearest_and_bound(
+                    points, axes, places, x0, x1, x2, row, distance, slack, nodes,
+                    offsets,
+                )  # fmt: skip
+            anchors[i, 0], anchors[i, 1], anchors[i, 2] = x0, x1, x2
+            kept[i], bounds[i] = row, bound
+        is_near = distance < limit
+        rows[i] = row if is_near else -1
+        distances[i] = distance if is_near else np.inf
+        total += distance if is_near else 0.0
+        met += is_near
+    return rows, distances, total / max(1, met)

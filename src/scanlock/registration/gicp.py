@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+from scanlock.clouds.kept_neighbours import kept_neighbours
+from scanlock.clouds.neighbours import ClosestPoints
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
@@ -195,9 +197,10 @@ class Gicp:
         is_last = scale == self._scales[-1]
         tolerance = self.tolerance if is_last else max(self.tolerance, _LOOSE_STEP * scale)
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
+        closest = kept_neighbours(target.tree)
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
         for _ in range(self.rounds):
-            pairs, distance = self._meet(scale, target, source, pose)
+            pairs, distance = self._meet(scale, target, source, pose, closest)
             note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
             if pairs.count < _LEAST_POINTS:
                 history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
@@ -215,19 +218,24 @@ class Gicp:
 
     def _misfit(self, target: SurfaceScan, source: SurfaceScan, pose: Pose) -> float:
         """Return the mean over the source of the squared distances at the finest scale, capped."""
-        pairs, _ = self._meet(self._scales[-1], target, source, pose)
+        pairs, _ = self._meet(self._scales[-1], target, source, pose, target.tree)
         capped = np.minimum(pairs.squared_distances(pose), _FAR_SQUARED)
         lonely = len(source.surface) - pairs.count
         return (float(capped.sum()) + _FAR_SQUARED * lonely) / len(source.surface)
 
     def _meet(
-        self, scale: float, target: SurfaceScan, source: SurfaceScan, pose: Pose
+        self,
+        scale: float,
+        target: SurfaceScan,
+        source: SurfaceScan,
+        pose: Pose,
+        closest: ClosestPoints,
     ) -> tuple[DistributionPairs, float]:
         """Return the pairs at a pose, and the mean distance [m] of the closest points that met."""
         moved = pose.apply(source.surface.points)
         if self.meeting == "closest":
             surface = target.surface
-            partners, distances = target.tree.nearest(moved, scale)
+            partners, distances = closest.nearest(moved, scale)
         else:
             voxels = target.voxels[self.voxel_widths.index(scale)]
             surface, partners = voxels.surface, voxels.rows_of(moved)

@@ -6,6 +6,7 @@ from typing import get_args
 
 import numpy as np
 
+from scanlock.clouds.kept_neighbours import kept_neighbours
 from scanlock.clouds.neighbours import Search, closest_points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
@@ -148,6 +149,7 @@ class Icp:
         self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint
     ) -> Solution:
         """Pair and fit in turn."""
+        target = replace(target, closest=kept_neighbours(target.closest))
         trail = Trail(self.fit.lever)
         trail.note(self.pairing.gate.note(target.spacing))
         pose, most = start, math.inf
