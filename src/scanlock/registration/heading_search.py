@@ -23,6 +23,7 @@ from scanlock.models.ground import Ground
 from scanlock.models.plan_view import PlanView, PlanViewer
 from scanlock.registration.ground_fit import ground_fitted
 from scanlock.registration.hypothesis import Hypothesis
+from scanlock.threads import spread
 
 _Maps = NDArray[np.float32]
 _Spectra = NDArray[np.complex64]
@@ -122,14 +123,21 @@ class HeadingSearch:
         """
         quarters = np.linspace(0.0, -2.0 * math.pi, 4, endpoint=False)
         turns = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
-        stays = self._spectra(target, quarters, cell)
-        moves = self._spectra(source, turns, cell).conj()
-        agreement = np.empty((self.headings, _SIDE, _SIDE), np.float32)
+        stays, moves = spread(
+            lambda side: self._spectra(*side, cell), ((target, quarters), (source, turns))
+        )
+        moves = moves.conj()
+        agreement = np.empty((4, len(turns), _SIDE, _SIDE), np.float32)
+
+        def correlate(quarter: int) -> None:
+            product = stays[quarter] * moves
+            agreement[quarter] = cast(
+                _Maps, fft.irfft2(product, s=(_SIDE, _SIDE), overwrite_x=True)
+            )
+
         # A quarter at a time, which a cache holds.
-        for quarter, one in enumerate(stays):
-            own = agreement[quarter * len(turns) : (quarter + 1) * len(turns)]
-            own[:] = cast(_Maps, fft.irfft2(one * moves, s=(_SIDE, _SIDE), overwrite_x=True))
-        return agreement
+        spread(correlate, range(4))
+        return agreement.reshape(self.headings, _SIDE, _SIDE)
 
     def _spectra(self, view: PlanView, turns: Vector, cell: float) -> _Spectra:
         """Return the transforms of the maps at each turn, whitened."""
