@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_count
+from scanlock.kernels.leaf_covariances import leaf_covariances
 from scanlock.kernels.point_tree import nearest_rows, several_nearest_rows, sorted_into_leaves
+from scanlock.kernels.surfaces import neighbour_covariances
 
 _LARGEST_LEAF = 16
 """Points in a leaf; 10 to 30 are equally fast on scans thinned to 0.25 m."""
@@ -69,20 +71,48 @@ class PointTree:
         """
         return nearest_rows(self.points, self.axes, self.places, read_only(queries), float(limit))
 
-    def neighbours(self, count: int) -> Labels:
-        """Return (n, count) the rows of the points nearest to each point, nearest first.
+    def neighbours(self, count: int, of: Labels | None = None) -> Labels:
+        """Return (m, count) the rows of the points nearest to some of the points, nearest first.
 
         A point is its own first neighbour, or shares its place with it.
+
+        Parameters
+        ----------
+        count : int
+            Neighbours of a point, itself included.
+        of : (m,), optional
+            Rows of those points; all by default.
 
         Raises
         ------
         InvalidInput
             `count` is not a whole number from 1 to the number of points.
         """
+        self._require_neighbours(count)
+        queries = self.points if of is None else read_only(self.points[of])
+        return several_nearest_rows(self.points, self.axes, self.places, queries, count)
+
+    def neighbour_covariances(self, count: int) -> Matrix:
+        """Return (n, 6) the covariances [m^2] of the `count` points nearest to each point.
+
+        Packed as xx, xy, xz, yy, yz, zz and divided by `count`; a point is one of its neighbours.
+
+        Raises
+        ------
+        InvalidInput
+            As `neighbours`.
+        """
+        self._require_neighbours(count)
+        covariances, is_known = leaf_covariances(self.points, self.axes, self.places, count)
+        left = np.flatnonzero(~is_known)
+        rows = read_only(self.neighbours(count, left))
+        covariances[left] = neighbour_covariances(self.points, rows)
+        return covariances
+
+    def _require_neighbours(self, count: int) -> None:
         require_count("count", count)
         if count > len(self):
             raise InvalidInput(f"count must be at most the {len(self)} points, got {count}")
-        return several_nearest_rows(self.points, self.axes, self.places, self.points, count)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PointTree, tuple(

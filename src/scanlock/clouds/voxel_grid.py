@@ -4,11 +4,8 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import require_positive
-from scanlock.kernels.voxels import occupied_voxels
+from scanlock.kernels.voxels import ascending_keys, occupied_voxels, voxel_middles
 from scanlock.kernels.voxels import voxel_moments as moments_of_voxels
-
-_LARGEST_KEY = 2.0**62
-"""Boxes of fewer voxels than this can be numbered, which sorts faster than three columns."""
 
 _ZERO = read_only(np.zeros(3))
 
@@ -61,18 +58,13 @@ def voxel_moments(
 
 def voxel_means(points: Points, width: float) -> Points:
     """Return the mean of the points in each occupied voxel, (m, 3) with m <= n."""
-    _, _, means, _ = voxel_moments(points, width)
-    return np.ascontiguousarray(means)
+    require_positive("width", width, unit="m")
+    points = read_only(points)
+    labels, cells = occupied_voxels(points, _ZERO, float(width))
+    return voxel_middles(points, read_only(labels), len(cells))[_ascending(cells)]
 
 
 def _ascending(cells: Labels) -> Labels:
     """Return the order of distinct (m, 3) indices, by the first, then the second."""
-    if len(cells) == 0:
-        return np.empty(0, np.int64)
-    low = cells.min(axis=0)
-    sides = (cells.max(axis=0) - low + 1).astype(np.float64)
-    if sides.prod() >= _LARGEST_KEY:
-        return np.lexsort(cells.T[::-1])
-    _, second, third = (int(side) for side in sides)
-    i, j, k = (cells - low).T
-    return np.argsort((i * second + j) * third + k)
+    keys = ascending_keys(read_only(cells))
+    return np.argsort(keys) if len(keys) else np.lexsort(cells.T[::-1])

@@ -14,6 +14,9 @@ _BLOCK = 256
 _FIRST_ROOM = 1024
 """Cubes there is room for at first."""
 
+_LARGEST_KEY = 2.0**62
+"""Boxes of fewer cubes than this can be numbered, which sorts faster than three columns."""
+
 
 @kernel
 def _slot(i: int, j: int, k: int, last: int) -> int:
@@ -228,3 +231,52 @@ def voxel_moments(
         moments[m, 7] = share * sums[row, 7] - my * mz
         moments[m, 8] = share * sums[row, 8] - mz * mz
     return cells[rows], counts[rows], moments
+
+
+@kernel
+def voxel_middles(points: Points, labels: Labels, count: int) -> Points:
+    """Return the mean of the points in each of `count` cubes, numbered by `occupied_voxels`.
+
+    Sums are taken about the first point of a cube, so no digits are lost far from zero.
+    """
+    firsts, sums, sizes = np.empty((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int64)
+    seen = 0
+    for p in range(points.shape[0]):
+        row = labels[p]
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        if row == seen:
+            firsts[row, 0], firsts[row, 1], firsts[row, 2] = x, y, z
+            seen += 1
+        sums[row, 0] += x - firsts[row, 0]
+        sums[row, 1] += y - firsts[row, 1]
+        sums[row, 2] += z - firsts[row, 2]
+        sizes[row] += 1
+    for row in range(count):
+        for axis in range(3):
+            firsts[row, axis] += sums[row, axis] / sizes[row]
+    return firsts
+
+
+@kernel
+def ascending_keys(cells: Labels) -> Labels:
+    """Return (m,) numbers that ascend with (m, 3) indices, by the first, then the second.
+
+    None at all where the box of the indices has too many cubes to be numbered.
+    """
+    none = np.empty(0, np.int64)
+    if cells.shape[0] == 0:
+        return none
+    least0, least1, least2 = cells[0, 0], cells[0, 1], cells[0, 2]
+    most0, most1, most2 = least0, least1, least2
+    for m in range(cells.shape[0]):
+        least0, most0 = min(least0, cells[m, 0]), max(most0, cells[m, 0])
+        least1, most1 = min(least1, cells[m, 1]), max(most1, cells[m, 1])
+        least2, most2 = min(least2, cells[m, 2]), max(most2, cells[m, 2])
+    side0, side1, side2 = most0 - least0 + 1, most1 - least1 + 1, most2 - least2 + 1
+    if float(side0) * float(side1) * float(side2) >= _LARGEST_KEY:
+        return none
+    keys = np.empty(cells.shape[0], np.int64)
+    for m in range(cells.shape[0]):
+        i, j, k = cells[m, 0] - least0, cells[m, 1] - least1, cells[m, 2] - least2
+        keys[m] = (i * side1 + j) * side2 + k
+    return keys

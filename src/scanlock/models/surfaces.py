@@ -14,7 +14,6 @@ from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.kernels.flooring import principal_axes
-from scanlock.kernels.surfaces import neighbour_covariances
 
 SurfaceShape = Literal["plane", "ellipsoid"]
 """What the neighbours of a point are taken for.
@@ -78,8 +77,7 @@ class Neighbourhoods:
         """
         require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
         tree = points if isinstance(points, PointTree) else PointTree.from_points(points)
-        rows = tree.neighbours(min(neighbours, len(tree)))
-        covariances = neighbour_covariances(tree.points, read_only(rows))
+        covariances = tree.neighbour_covariances(min(neighbours, len(tree)))
         variances, axes = principal_axes(read_only(covariances))
         if tree is not points:
             places = np.argsort(tree.rows)

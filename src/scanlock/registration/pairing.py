@@ -204,6 +204,6 @@ def typical_spacing(tree: PointTree) -> float:
         return 0.0
     other = tree.points[tree.neighbours(2)[:, 1]]
     spacings = np.linalg.norm(tree.points - other, axis=1)
-    order = np.argsort(np.linalg.norm(tree.points, axis=1), kind="stable")
+    order = np.argsort(np.linalg.norm(tree.points, axis=1))
     shells = np.array_split(spacings[order], min(_SHELLS, len(tree)))
     return float(np.mean([np.median(shell) for shell in shells]))

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from reference import point_tree as reference
+from reference.samples import street
 from scanlock.clouds.point_tree import PointTree
+from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput
+from scanlock.kernels.leaf_covariances import leaf_covariances
 
 
 def _ring(rng, count):
@@ -73,6 +76,37 @@ def test_neighbours_are_those_of_all_distances(cloud, count):
     assert all(len(set(row)) == several for row in rows)
 
 
+@pytest.mark.parametrize("count", [1, 9, 16, 17, 33, 500])
+@pytest.mark.parametrize("cloud", [name for name in _CLOUDS if name != "lattice with equal points"])
+def test_neighbour_covariances_are_those_of_the_neighbours(cloud, count):
+    points = _CLOUDS[cloud](np.random.default_rng(count), count)
+    tree = PointTree.from_points(points)
+    several = min(9, count)
+    order = np.argsort(reference.distances(tree.points, tree.points), axis=1)[:, :several]
+    near = tree.points[order] - tree.points[:, None]
+    spread = near - near.mean(axis=1, keepdims=True)
+    expected = np.einsum("nka,nkb->nab", spread, spread)[:, *np.triu_indices(3)] / several
+    size = (near**2).sum(axis=2).max(initial=0.0)
+    assert (np.abs(tree.neighbour_covariances(several) - expected) <= 1e-13 * size).all()
+
+
+@pytest.mark.parametrize("cloud", ["lattice with equal points", "one place"])
+def test_of_neighbours_equally_far_just_as_many_count(cloud):
+    tree = PointTree.from_points(_CLOUDS[cloud](np.random.default_rng(4), 400))
+    near = tree.points[tree.neighbours(9)] - tree.points[:, None]
+    totals = near.var(axis=1).sum(axis=1)
+    found = tree.neighbour_covariances(9)[:, [0, 3, 5]].sum(axis=1)
+    # Which of those equally far it is may differ, and with it their mean.
+    assert (found <= (near**2).sum(axis=2).mean(axis=1) + 1e-12).all()
+    np.testing.assert_allclose(found[totals == 0.0], 0.0, atol=1e-12)
+
+
+def test_most_covariances_of_a_scan_need_no_lists():
+    tree = PointTree.from_points(voxel_means(street(1), 0.25))
+    _, is_known = leaf_covariances(tree.points, tree.axes, tree.places, 10)
+    assert is_known.mean() > 0.9
+
+
 @pytest.mark.parametrize("cloud", _CLOUDS)
 def test_rows_lead_back_to_the_points_given(cloud):
     points = _CLOUDS[cloud](np.random.default_rng(1), 300)
@@ -109,3 +143,5 @@ def test_impossible_counts_are_refused(count):
     tree = PointTree.from_points(np.zeros((10, 3)))
     with pytest.raises(InvalidInput, match="count must be"):
         tree.neighbours(count)
+    with pytest.raises(InvalidInput, match="count must be"):
+        tree.neighbour_covariances(count)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from reference.grouping import partition
-from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels, voxel_means
+from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels, voxel_means, voxel_moments
 from scanlock.errors import InvalidInput
 
 
@@ -81,3 +81,17 @@ def test_one_far_point_changes_no_other_voxel(far):
 def test_widths_out_of_range_are_refused_by_name(width):
     with pytest.raises(InvalidInput, match="width must be positive"):
         voxel_labels(np.zeros((1, 3)), width)
+
+
+@pytest.mark.parametrize("far", [1.0, 1e12])
+def test_means_and_moments_stand_in_one_order_however_far_apart(far):
+    # At 1e12 m the cubes between are too many to be numbered.
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-4.0, 4.0, (60, 3))
+    points[:5] *= far
+    cells, counts, means, _ = voxel_moments(points, 1.0)
+    rows = list(map(tuple, cells.tolist()))
+    assert rows == sorted(set(rows))
+    assert counts.sum() == 60
+    np.testing.assert_allclose(voxel_means(points, 1.0), means, rtol=1e-14)
+    np.testing.assert_array_equal(voxel_cells(points, 1.0)[1], cells)
