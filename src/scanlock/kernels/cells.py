@@ -58,6 +58,27 @@ def _row_of(table: Labels, cells: Labels, i: int, j: int, k: int) -> int:
 
 
 @kernel
+def rows_at(points: Points, table: Labels, cells: Labels, width: float) -> Labels:
+    """Return (m,) the row of the cell that each point lies in; -1 where nothing is known of it.
+
+    Cells are indices in widths from zero.
+    """
+    rows = np.empty(points.shape[0], np.int64)
+    # Neighbours in memory mostly share a cell; no cell has this index.
+    last_i = last_j = last_k = np.iinfo(np.int64).min
+    row = -1
+    for p in range(points.shape[0]):
+        i = math.floor(points[p, 0] / width)
+        j = math.floor(points[p, 1] / width)
+        k = math.floor(points[p, 2] / width)
+        if i != last_i or j != last_j or k != last_k:
+            row = _row_of(table, cells, i, j, k)
+            last_i, last_j, last_k = i, j, k
+        rows[p] = row
+    return rows
+
+
+@kernel
 def rows_within(
     points: Points, table: Labels, cells: Labels, corner: Vector, width: float, reach: int
 ) -> tuple[Labels, Labels]:
