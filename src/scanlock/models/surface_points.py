@@ -72,7 +72,7 @@ class SurfaceVoxels:
         means, covariances = voxel_surfaces(
             points, surface.covariances, read_only(labels), len(places)
         )
-        table = cell_table(read_only(places), 1 << (2 * len(places)).bit_length())
+        table = cell_table(read_only(places), 1 << (8 * len(places)).bit_length())
         return cls(SurfacePoints(means, covariances), places, table, float(width))
 
     def __len__(self) -> int:
