@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import kernel, sum_kernel, sum_part
 
 _LOW_BITS = (1 << 20) - 1
 """What the hash takes of an index, so that no product overflows."""
@@ -55,6 +55,27 @@ def _row_of(table: Labels, cells: Labels, i: int, j: int, k: int) -> int:
         slot = (slot + 1) & last
         row = table[slot]
     return int(row)
+
+
+@kernel
+def rows_at(points: Points, table: Labels, cells: Labels, width: float) -> Labels:
+    """Return (m,) the row of the cell that each point lies in; -1 where nothing is known of it.
+
+    Cells are indices in widths from zero.
+    """
+    rows = np.empty(points.shape[0], np.int64)
+    # Neighbours in memory mostly share a cell; no cell has this index.
+    last_i = last_j = last_k = np.iinfo(np.int64).min
+    row = -1
+    for p in range(points.shape[0]):
+        i = math.floor(points[p, 0] / width)
+        j = math.floor(points[p, 1] / width)
+        k = math.floor(points[p, 2] / width)
+        if i != last_i or j != last_j or k != last_k:
+            row = _row_of(table, cells, i, j, k)
+            last_i, last_j, last_k = i, j, k
+        rows[p] = row
+    return rows
 
 
 @kernel
@@ -111,7 +132,7 @@ def _score(
     )
 
 
-@sum_kernel
+@sum_part
 def _add_cell(
     sums: Vector,
     means: Points,
@@ -203,6 +224,18 @@ def _add_point(terms: Vector, sums: Vector, y0: float, y1: float, y2: float, exa
     terms[27] += y1 * n02 - y0 * n12 - 2.0 * (half0 * y0 + half1 * y1)
 
 
+@kernel
+def _rows_around(
+    table: Labels, cells: Labels, offsets: Labels, i: int, j: int, k: int, rows: Labels
+) -> int:
+    """Write the rows of the cells at offsets from one that are known; return how many."""
+    found = 0
+    for o in range(offsets.shape[0]):
+        rows[found] = _row_of(table, cells, i + offsets[o, 0], j + offsets[o, 1], k + offsets[o, 2])
+        found += rows[found] >= 0
+    return found
+
+
 @sum_kernel
 def cell_terms(
     points: Points,
@@ -227,6 +260,9 @@ def cell_terms(
     """
     terms = np.zeros(28)
     sums = np.zeros(10)
+    # Neighbours in memory often share a cell, and what is around it; no cell has this index.
+    rows, met = np.empty(offsets.shape[0], np.int64), 0
+    last_i = last_j = last_k = np.iinfo(np.int64).min
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
     r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
     r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
@@ -238,11 +274,14 @@ def cell_terms(
         i = math.floor((y0 - corner[0]) / width)
         j = math.floor((y1 - corner[1]) / width)
         k = math.floor((y2 - corner[2]) / width)
+        if i != last_i or j != last_j or k != last_k:
+            met = _rows_around(table, cells, offsets, i, j, k, rows)
+            last_i, last_j, last_k = i, j, k
+        if met == 0:
+            continue
         sums[:] = 0.0
-        for o in range(offsets.shape[0]):
-            row = _row_of(table, cells, i + offsets[o, 0], j + offsets[o, 1], k + offsets[o, 2])
-            if row < 0:
-                continue
+        for one in range(met):
+            row = rows[one]
             q0, q1, q2 = y0 - means[row, 0], y1 - means[row, 1], y2 - means[row, 2]
             if q0 * q0 + q1 * q1 + q2 * q2 >= reach * reach:
                 continue

@@ -2,13 +2,11 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
-from scanlock.clouds.voxel_grid import voxel_labels
+from scanlock.arrays import Labels, Matrix, Points, frozen, read_only
+from scanlock.clouds.voxel_grid import voxel_cells
 from scanlock.errors import InvalidInput
-from scanlock.kernels.surface_voxels import voxel_rows
+from scanlock.kernels.cells import cell_table, rows_at
+from scanlock.kernels.surface_voxels import voxel_surfaces
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,36 +49,35 @@ class SurfaceVoxels:
         Of each voxel the mean of its points, and the mean of their covariances.
     places : (k, 3)
         Where the voxels lie, in widths from zero, in ascending order.
+    table : (2^m,)
+        The hash of the places: rows, and -1 where empty.
     width : float [m]
         Side of a voxel.
     """
 
     surface: SurfacePoints
-    places: NDArray[np.int64]
+    places: Labels
+    table: Labels
     width: float
 
     def __post_init__(self) -> None:
-        frozen(self.places)
+        for array in (self.places, self.table):
+            frozen(array)
 
     @classmethod
     def from_points(cls, surface: SurfacePoints, width: float) -> "SurfaceVoxels":
         """Return the occupied voxels of side `width` [m], one corner of one at zero."""
-        labels, count = voxel_labels(surface.points, width)
-        sizes = np.bincount(labels, minlength=count)
-
-        def mean(column: Vector) -> Vector:
-            return np.bincount(labels, column, count) / sizes
-
-        places = np.empty((count, 3), np.int64)
-        # Labels ascend with the place, so that a place is found by bisection.
-        places[labels] = np.floor(surface.points / width)
-        means = np.stack([mean(column) for column in surface.points.T], axis=1)
-        covariances = np.stack([mean(column) for column in surface.covariances.T], axis=1)
-        return cls(SurfacePoints(means, covariances), places, float(width))
+        points = read_only(surface.points)
+        labels, places = voxel_cells(points, width)
+        means, covariances = voxel_surfaces(
+            points, surface.covariances, read_only(labels), len(places)
+        )
+        table = cell_table(read_only(places), 1 << (8 * len(places)).bit_length())
+        return cls(SurfacePoints(means, covariances), places, table, float(width))
 
     def __len__(self) -> int:
         return len(self.surface)
 
     def rows_of(self, queries: Points) -> Labels:
         """Return the row of the voxel that each of (m, 3) points lies in; -1 where it is empty."""
-        return voxel_rows(read_only(queries), self.places, self.width)
+        return rows_at(read_only(queries), self.table, self.places, self.width)

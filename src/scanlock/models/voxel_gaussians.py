@@ -43,8 +43,8 @@ class VoxelGaussians:
 
     @cached_property
     def table(self) -> Labels:
-        """The (2^m,) hash of the cells, at most half full: rows, and -1 where empty."""
-        table = cell_table(self.cells, 1 << (2 * len(self.cells)).bit_length())
+        """The (2^m,) hash of the cells, at most an eighth full: rows, and -1 where empty."""
+        table = cell_table(self.cells, 1 << (8 * len(self.cells)).bit_length())
         frozen(table)
         return table
 
