@@ -69,4 +69,7 @@ class RobustWeights:
 
     def weights(self, residuals: Vector) -> Vector:
         """Return the (m,) weights of the residuals [m], of either sign; at least one."""
+        if self.loss == "none":
+            # All alike, at whatever scale: no median is needed.
+            return np.ones(len(residuals))
         return _WEIGHTS[self.loss](np.abs(residuals) / self.scale_for(residuals))

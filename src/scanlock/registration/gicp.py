@@ -162,17 +162,18 @@ class Gicp:
         """
         *coarse, finest = self._scales
         pose, history, notes = start, list[Iteration](), tuple[str, ...]()
+        closest = kept_neighbours(target.tree)
         for scale in coarse:
-            solution = self._descend(scale, target, source, pose, restraint)
+            solution = self._descend(scale, target, source, pose, restraint, closest)
             history.extend(solution.history)
             pose = solution.pose
-        if coarse and self._misfit(target, source, start) < self._misfit(target, source, pose):
-            # In a narrow place, or where little is shared, wide reaches can leave a good start.
-            pose, notes = (
-                start,
-                ("the coarse scales led away from the start and were not followed",),
-            )
-        solution = self._descend(finest, target, source, pose, restraint)
+        if coarse:
+            before = self._misfit(target, source, start, target.tree)
+            if before < self._misfit(target, source, pose, closest):
+                # In a narrow place, or where little is shared, wide reaches leave a good start.
+                pose = start
+                notes = ("the coarse scales led away from the start and were not followed",)
+        solution = self._descend(finest, target, source, pose, restraint, closest)
         is_lost = solution.reason is StopReason.NO_SUPPORT
         return replace(
             solution,
@@ -192,12 +193,12 @@ class Gicp:
         source: SurfaceScan,
         start: Pose,
         restraint: Restraint,
+        closest: ClosestPoints,
     ) -> Solution:
         """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
         is_last = scale == self._scales[-1]
         tolerance = self.tolerance if is_last else max(self.tolerance, _LOOSE_STEP * scale)
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
-        closest = kept_neighbours(target.tree)
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
         for _ in range(self.rounds):
             pairs, distance = self._meet(scale, target, source, pose, closest)
@@ -216,9 +217,11 @@ class Gicp:
                 break
         return Solution(pose, quadratic, reason, tuple(history), (note,))
 
-    def _misfit(self, target: SurfaceScan, source: SurfaceScan, pose: Pose) -> float:
+    def _misfit(
+        self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: ClosestPoints
+    ) -> float:
         """Return the mean over the source of the squared distances at the finest scale, capped."""
-        pairs, _ = self._meet(self._scales[-1], target, source, pose, target.tree)
+        pairs, _ = self._meet(self._scales[-1], target, source, pose, closest)
         capped = np.minimum(pairs.squared_distances(pose), _FAR_SQUARED)
         lonely = len(source.surface) - pairs.count
         return (float(capped.sum()) + _FAR_SQUARED * lonely) / len(source.surface)

@@ -99,7 +99,11 @@ class Trail:
         """
         last = self.history[-1].pose
         for back in range(2, min(_LONGEST_PERIOD, len(self.history) - 1 - self.held_from) + 1):
-            if self.step_between(self.history[-1 - back].pose, last) < tolerance:
+            before = self.history[-1 - back].pose
+            # The angle takes ten times as long as the distance, and hardly ever matters.
+            if math.dist(before.translation, last.translation) >= tolerance:
+                continue
+            if self.step_between(before, last) < tolerance:
                 return back
         return 0
 
