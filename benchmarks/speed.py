@@ -254,6 +254,18 @@ def print_targets(group: str, found: Mapping[str, Mapping[str, Row]]) -> None:
         print_table([*header, "target"], rows)
 
 
+def print_overview(group: str, found: Mapping[str, Mapping[str, Row]]) -> None:
+    """Print the table of the README: who gets from raw arrays to the pose, fastest first."""
+    rows = [
+        [name, section, f"{1e3 * row.cpu():.0f}", *row.poses()[:2]]
+        for section in (ANYWHERE, NEAR)
+        for name, row in sorted(found.get(section, {}).items(), key=lambda one: one[1].cpu())
+    ]
+    if rows:
+        print(f"\n### In short, {group}\n")
+        print_table(["", "start", "CPU ms", "right", "median error"], rows)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=os.environ.get("SCANLOCK_DATA"))
@@ -282,6 +294,7 @@ def main() -> None:
                 print(f"\n### {section}, {group}\n")
                 print_section(section, found[section])
         print_targets(group, found)
+        print_overview(group, found)
 
 
 if __name__ == "__main__":
