@@ -32,12 +32,14 @@ class Contender:
     register: Callable[[Cloud, Cloud, Pose | None], Claimed]
 
 
-def ours(name: str, method: Any = None) -> Contender:
+def ours(name: str, method: Any = None, threads: int = 1) -> Contender:
     """Return a method of scanlock by its name, or settings under a name of their own."""
     chosen = METHODS[name] if method is None else method
 
     def run(source: Cloud, target: Cloud, start: Pose | None) -> Claimed:
-        result = register(source=source, target=target, method=chosen, initial=start)
+        result = register(
+            source=source, target=target, method=chosen, initial=start, threads=threads
+        )
         return result.target_from_source, result.ok
 
     return Contender(f"scanlock {name}", run)

@@ -147,11 +147,11 @@ def front_ends(threads: int, peers: bool) -> dict[str, Callable[[Task], Any]]:
 def compared(section: str, arguments: argparse.Namespace) -> list[Contender]:
     threads, peers = arguments.cores, not arguments.no_peers
     if section == ANYWHERE:
-        found = [ours("auto")]
+        found = [ours("auto", threads=threads)]
         features = (partial(open3d_features_peer, kind) for kind in ("FGR", "RANSAC"))
         makers = (partial(kiss_matcher_peer, threads), *features)
     else:
-        found = [ours(name) for name in METHODS]
+        found = [ours(name, threads=threads) for name in METHODS]
         makers = (
             partial(small_gicp_peer, "GICP", threads=threads),
             partial(small_gicp_peer, "VGICP", threads=threads),
@@ -273,7 +273,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=5, help="pairs of each group, evenly spaced")
     parser.add_argument("--rounds", type=int, default=15, help="over the pairs, at most")
     parser.add_argument("--seconds", type=float, default=4.0, help="a row of a table may take")
-    parser.add_argument("--cores", type=int, default=1, help="to run on, and threads of the peers")
+    parser.add_argument("--cores", type=int, default=1, help="to run on, and threads of each call")
     parser.add_argument("--only", default="", help="rows whose name contains this text")
     parser.add_argument("--no-peers", action="store_true", help="scanlock only")
     parser.add_argument("--pcl", default="", metavar="COMMAND", help="a program to run as well")
