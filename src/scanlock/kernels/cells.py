@@ -134,25 +134,10 @@ def _score(
 
 @sum_part
 def _add_cell(
-    sums: Vector,
-    means: Points,
-    precisions: Matrix,
-    row: int,
-    y0: float,
-    y1: float,
-    y2: float,
-    w: float,
-    w0: float,
-    w1: float,
-    w2: float,
-    w01: float,
-    w02: float,
-    w12: float,
-    sharpness: float,
-    window_start: float,
-    window_end: float,
-    exact: float,
-) -> None:
+    sums: Vector, means: Points, precisions: Matrix, row: int, y0: float, y1: float, y2: float,
+    w: float, w0: float, w1: float, w2: float, w01: float, w02: float, w12: float,
+    sharpness: float, window_start: float, window_end: float, exact: float,
+) -> None:  # fmt: skip
     """Add the score of a point under one cell, times a weight, to the 10 sums f, g and H.
 
     The weight w has the gradient (w0, w1, w2) and the mixed second derivatives w01, w02, w12;
