@@ -137,7 +137,8 @@ class NearPairs:
         kept = self._kept.get(part)
         if kept is None:
             kept = self._listed(part)
-            if sum(len(members) for _, _, members in self._kept.values()) < _MOST_KEPT:
+            # A copy at one stroke: other threads may be adding theirs.
+            if sum(len(members) for _, _, members in list(self._kept.values())) < _MOST_KEPT:
                 self._kept[part] = kept
         return kept
 
