@@ -271,24 +271,21 @@ def d2d_terms(
     """Return the 28 sums over pairs of Gaussians, each with the product of its weights.
 
     Source i meets the targets ``members[starts[l] : starts[l + 1]]`` of its list ``l = lists[i]``,
-    none where that is -1, and all where there are no lists. Covariances are (k, 6) packed upper
-    triangles.
+    and none where that is -1. Covariances are (k, 6) packed upper triangles.
     """
     terms = np.zeros(28)
     block = np.empty((_PARTS, _ROW), np.float64)
     filled = 0
-    is_listed = lists.shape[0] > 0
     for i in range(source_means.shape[0]):
-        first, last = 0, target_means.shape[0]
-        if is_listed:
-            first = starts[lists[i]] if lists[i] >= 0 else 0
-            last = starts[lists[i] + 1] if lists[i] >= 0 else 0
+        if lists[i] < 0:
+            continue
+        first, last = starts[lists[i]], starts[lists[i] + 1]
         if first == last:
             continue
         y0, y1, y2 = _moved(source_means, i, rotation, translation)
         c00, c01, c02, c11, c12, c22 = _turned(source_covariances, i, rotation)
         for m in range(first, last):
-            j = np.uint64(members[m]) if is_listed else np.uint64(m)
+            j = np.uint64(members[m])
             p = np.uint64(filled)
             block[0, p], block[1, p], block[2, p] = y0, y1, y2
             block[3, p] = y0 - target_means[j, 0]

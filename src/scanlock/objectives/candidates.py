@@ -1,7 +1,7 @@
 """Which Gaussians of the target each Gaussian of the source is compared with, at a pose.
 
 All answers have one form: source i meets the targets ``members[starts[l] : starts[l + 1]]`` of
-its list ``l = lists[i]``, and none where that is -1; where there are no lists it meets all.
+its list ``l = lists[i]``, and none where that is -1.
 """
 
 from dataclasses import dataclass, field
@@ -18,8 +18,6 @@ from scanlock.models.voxel_gaussians import VoxelGaussians
 Lists = tuple[Labels, Labels, Labels]
 """Lists of each source (m,), where they start (l + 1,) and their members."""
 
-_NONE = read_only(np.empty(0, np.int64))
-
 
 class Candidates(Protocol):
     """A rule of who meets whom."""
@@ -27,15 +25,6 @@ class Candidates(Protocol):
     def at(self, places: Points) -> Lists:
         """Return the lists of (m, 3) means of the source in the target's frame [m]."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class EveryTarget:
-    """All Gaussians of the target for each of the source (Das et al. 2013)."""
-
-    def at(self, places: Points) -> Lists:
-        """Return no list at all, which stands for everyone."""
-        return _NONE, _NONE, _NONE
 
 
 @dataclass(frozen=True, slots=True, eq=False)

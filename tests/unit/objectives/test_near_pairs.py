@@ -7,10 +7,19 @@ from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
 from scanlock.objectives import near_pairs as module
-from scanlock.objectives.candidates import EveryTarget
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.objectives.near_pairs import NearPairs, Reach
 from scanlock.threads import using_threads
+
+
+class _Everyone:
+    """All targets for each source, whatever the distance."""
+
+    def __init__(self, targets):
+        self._list = np.array([0, targets]), np.arange(targets)
+
+    def at(self, places):
+        return tuple(read_only(part) for part in (np.zeros(len(places), np.int64), *self._list))
 
 
 def _step(rng, scale=1.0):
@@ -81,7 +90,7 @@ def test_pairs_in_reach_score_as_all_of_them_do(seed, spread):
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
     pose = _step(rng)
     both = {"target": target, "source": source, "shape": ScoreShape(sharpness=0.5)}
-    every = GaussiansToGaussians(**both, candidates=EveryTarget()).linearise(pose)
+    every = GaussiansToGaussians(**both, candidates=_Everyone(90)).linearise(pose)
     found = GaussiansToGaussians(**both).linearise(pose)
     expected = reference.d2d_value(pose, target, source, sharpness=0.5)
     for one in (every, found):
