@@ -65,6 +65,6 @@ def voxel_means(points: Points, width: float) -> Points:
 
 
 def _ascending(cells: Labels) -> Labels:
-    """Return the order of distinct (m, 3) indices, by the first, then the second."""
+    """Return the order of distinct (m, 3) indices: by the first, then the next."""
     keys = ascending_keys(read_only(cells))
     return np.argsort(keys) if len(keys) else np.lexsort(cells.T[::-1])
