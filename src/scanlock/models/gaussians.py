@@ -174,7 +174,8 @@ class Gaussians:
     def transformed(self, pose: Pose) -> "Gaussians":
         """Return the Gaussians moved by a pose; covariances turn with it."""
         turned = packed_turned(read_only(self.packed_covariances), pose.rotation)
-        return Gaussians(pose.apply(self.means), turned, self.counts)
+        moved = Gaussians(pose.apply(self.means), turned, self.counts)
+        return moved._reshaped(turned, self.variances)
 
     def _reshaped(self, packed: Matrix, variances: Matrix) -> "Gaussians":
         reshaped = Gaussians(self.means, packed, self.counts)

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
+from scanlock.arrays import Mask, read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.meeting import meeting_gaussians
+from scanlock.kernels.meeting import met_and_score
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.gaussian_scores import GaussiansToGaussians
+from scanlock.objectives.gaussian_scores import ScoreShape
 from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.candidate import UNKNOWN_VIOLATION, Candidate
 from scanlock.registration.descents import Descent
@@ -20,44 +21,46 @@ _WEIGHT_POWER = 0.25
 sensor, and must not outvote the rest."""
 
 
-def gaussian_overlap(
+def overlap_and_score(
     target: Gaussians, source: Gaussians, pose: Pose, weight_power: float = 0.5
-) -> float:
-    """Return the share of the source's Gaussians, by weight, that meet one of the target.
+) -> tuple[float, float]:
+    """Return how much of the source meets the target at a pose, and how well.
 
-    Two Gaussians meet when the squared Mahalanobis distance of their means, under the sum of
-    their covariances, is below 9.
+    Counts to `weight_power` weigh the Gaussians.
+
+    Returns
+    -------
+    overlap : float
+        Share of the source's Gaussians, by weight, that meet one of the target, in [0, 1]: the
+        squared Mahalanobis distance of their means, under the sum of their covariances, is
+        below 9.
+    score : float
+        The D2D score over the geometric mean of the scans' self-scores, in [0, 1]: 1 for a scan
+        with itself. The scores leave out the determinants that would make them an inner product,
+        so contrived sets can come out above, and are capped.
     """
-    moved = source.transformed(pose)
-    met = meeting_gaussians(
+    met, score = _met_and_score(target, source.transformed(pose), weight_power)
+    own = [_met_and_score(scan, scan, weight_power)[1] for scan in (target, source)]
+    squares = source.weights(weight_power) ** 2
+    return float(squares[met].sum() / squares.sum()), min(1.0, score / math.sqrt(own[0] * own[1]))
+
+
+def _met_and_score(target: Gaussians, source: Gaussians, weight_power: float) -> tuple[Mask, float]:
+    shape = ScoreShape()
+    return met_and_score(
         target.means,
         target.packed_covariances,
         target.widths,
-        moved.means,
-        moved.packed_covariances,
+        target.weights(weight_power),
+        read_only(np.argsort(target.means[:, 0])),
+        source.means,
+        source.packed_covariances,
         source.widths,
+        source.weights(weight_power),
         _MEETING_SQUARED,
+        shape.window_start,
+        shape.window_end,
     )
-    squares = source.weights(weight_power) ** 2
-    return float(squares[met].sum() / squares.sum())
-
-
-def score_correlation(
-    target: Gaussians, source: Gaussians, pose: Pose, weight_power: float = 0.5
-) -> float:
-    """Return the D2D score at a pose over the geometric mean of the scans' self-scores.
-
-    In [0, 1]: 1 for a scan with itself. The scores leave out the determinants that would make
-    them an inner product, so contrived sets can come out above, and are capped.
-    """
-    identity = Pose.identity()
-
-    def value(target: Gaussians, source: Gaussians, pose: Pose) -> float:
-        both = GaussiansToGaussians(target=target, source=source, weight_power=weight_power)
-        return both.linearise(pose).value
-
-    own = value(target, target, identity) * value(source, source, identity)
-    return min(1.0, abs(value(target, source, pose)) / float(np.sqrt(own)))
 
 
 def judged(target: AutoScan, source: AutoScan, descent: Descent) -> Candidate:
@@ -66,8 +69,7 @@ def judged(target: AutoScan, source: AutoScan, descent: Descent) -> Candidate:
     if not (target.has_parts and source.has_parts):
         return Candidate(pose, descent.maker, math.nan, math.nan, math.nan)
     both = target.parts[-1], source.parts[-1]
-    overlap = gaussian_overlap(*both, pose, _WEIGHT_POWER)
-    score = score_correlation(*both, pose, _WEIGHT_POWER)
+    overlap, score = overlap_and_score(*both, pose, _WEIGHT_POWER)
     return Candidate(pose, descent.maker, overlap, score, violation(target, source, pose))
 
 

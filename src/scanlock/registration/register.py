@@ -10,7 +10,7 @@ from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
-from scanlock.registration.agreement import gaussian_overlap, score_correlation
+from scanlock.registration.agreement import overlap_and_score
 from scanlock.registration.auto import Found
 from scanlock.registration.evidence import Evidence
 from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
@@ -160,8 +160,7 @@ def _local_prior(
 def _verdict(found: Found, target: Evidence, source: Evidence) -> tuple[float, float, Status, str]:
     pose = found.solution.pose
     both = target.gaussians, source.gaussians
-    overlap = gaussian_overlap(*both, pose)
-    score = score_correlation(*both, pose)
+    overlap, score = overlap_and_score(*both, pose)
     weakest = weakest_direction(both[0])
     status, reason = judge(found.solution, overlap, score, *weakest, found.candidates)
     return overlap, score, status, reason

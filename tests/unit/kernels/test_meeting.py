@@ -1,21 +1,33 @@
 import numpy as np
 import pytest
 
+from reference import gaussian_scores as reference
 from reference.meeting import meet
 from reference.samples import gaussians
-from scanlock.kernels.meeting import meeting_gaussians
+from scanlock.arrays import read_only
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.meeting import met_and_score
 
 
-def _meeting(target, source, limit):
-    return meeting_gaussians(
+def _met_and_score(target, source, limit):
+    return met_and_score(
         target.means,
         target.packed_covariances,
         target.widths,
+        target.weights(),
+        read_only(np.argsort(target.means[:, 0])),
         source.means,
         source.packed_covariances,
         source.widths,
+        source.weights(),
         limit,
+        16.0,
+        25.0,
     )
+
+
+def _meeting(target, source, limit):
+    return _met_and_score(target, source, limit)[0]
 
 
 @pytest.mark.parametrize("limit", [1.0, 9.0, 25.0])
@@ -48,3 +60,14 @@ def test_nothing_meets_no_target():
     some, none = gaussians(rng, 4), gaussians(rng, 0)
     assert not _meeting(none, some, 9.0).any()
     assert _meeting(some, none, 9.0).shape == (0,)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("sizes", [(40, 30), (300, 200), (1, 1)])
+def test_the_score_is_that_of_the_definition(seed, sizes):
+    rng = np.random.default_rng(seed)
+    # Some within the window, some on its slope, some beyond.
+    target, source = (gaussians(rng, size, spread=12.0, most=3.0) for size in sizes)
+    _, score = _met_and_score(target, source, 9.0)
+    expected = -reference.d2d_value(Pose.identity(), target, source)
+    np.testing.assert_allclose(score, expected, rtol=1e-11, atol=1e-300)

@@ -7,7 +7,7 @@ from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.quadratic import Quadratic
-from scanlock.registration.agreement import gaussian_overlap, score_correlation
+from scanlock.registration.agreement import overlap_and_score
 from scanlock.registration.candidate import Candidate, second_best
 from scanlock.registration.result import Status
 from scanlock.registration.verdict import judge, weakest_direction
@@ -35,22 +35,22 @@ def test_the_overlap_is_the_share_of_points_whose_parts_meet(seed):
     met = meet(target.means, target.covariances, moved.means, moved.covariances, 9.0)
     expected = source.counts[np.array(met)].sum() / source.counts.sum()
     assert 0.0 < expected < 1.0
-    np.testing.assert_allclose(gaussian_overlap(target, source, pose), expected, rtol=1e-12)
+    np.testing.assert_allclose(overlap_and_score(target, source, pose)[0], expected, rtol=1e-12)
 
 
 def test_scans_far_apart_do_not_overlap_and_do_not_correlate():
     target, source = _pair()
     away = yaw_pose(0.0, (1e3, 0.0, 0.0))
-    assert gaussian_overlap(target, source, away) == 0.0
-    assert score_correlation(target, source, away) == 0.0
+    assert overlap_and_score(target, source, away) == (0.0, 0.0)
 
 
 def test_a_scan_overlaps_and_correlates_with_itself_wholly():
     target, _ = _pair()
     pose = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.1, 0.7]))
     moved = target.transformed(pose)
-    assert gaussian_overlap(moved, target, pose) == 1.0
-    np.testing.assert_allclose(score_correlation(moved, target, pose), 1.0, rtol=1e-9)
+    overlap, score = overlap_and_score(moved, target, pose)
+    assert overlap == 1.0
+    np.testing.assert_allclose(score, 1.0, rtol=1e-9)
 
 
 def test_the_score_is_a_ratio_of_values_and_symmetric():
@@ -61,9 +61,10 @@ def test_the_score_is_a_ratio_of_values_and_symmetric():
         reference.d2d_value(Pose.identity(), target, target),
         reference.d2d_value(Pose.identity(), source, source),
     ]
-    score = score_correlation(target, source, pose)
+    _, score = overlap_and_score(target, source, pose)
     np.testing.assert_allclose(score, -values[0] / np.sqrt(values[1] * values[2]), rtol=1e-10)
-    np.testing.assert_allclose(score_correlation(source, target, pose.inverse()), score, rtol=1e-9)
+    _, back = overlap_and_score(source, target, pose.inverse())
+    np.testing.assert_allclose(back, score, rtol=1e-9)
 
 
 def test_the_score_of_different_scans_is_below_one():
@@ -74,7 +75,7 @@ def test_the_score_of_different_scans_is_below_one():
         np.array([10, 10]),
     )
     wide = Gaussians.from_covariances(np.zeros((1, 3)), 25.0 * np.eye(3)[None], np.array([10]))
-    assert score_correlation(narrow, wide, Pose.identity()) <= 1.0
+    assert overlap_and_score(narrow, wide, Pose.identity())[1] <= 1.0
 
 
 @pytest.mark.parametrize("reason", [StopReason.GRADIENT_SMALL, StopReason.STEP_SMALL])

@@ -28,7 +28,7 @@ _KERNELS = (
     compatibility.soft_overlap,
     ground.lowest_in_cells,
     grouping.occupied_cells,
-    meeting.meeting_gaussians,
+    meeting.met_and_score,
     moments.labelled_moments,
     plan_view.column_slots,
     polar.polar_cells,
