@@ -19,6 +19,9 @@ Matrix = NDArray[np.float64]
 Labels = NDArray[np.int64]
 """(n,) group of each row, contiguous from 0; -1 means left out."""
 
+Counts = NDArray[np.int64 | np.float64]
+"""(k,) points behind each part; of merged parts seldom whole."""
+
 Mask = NDArray[np.bool_]
 """(n,) membership of each row."""
 

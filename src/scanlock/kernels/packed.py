@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scanlock.arrays import Matrix
+from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import sum_kernel
 
 
@@ -58,3 +58,39 @@ def packed_turned(packed: Matrix, rotation: Matrix) -> Matrix:
         turned[k, 4] = h10 * r20 + h11 * r21 + h12 * r22
         turned[k, 5] = h20 * r20 + h21 * r21 + h22 * r22
     return turned
+
+
+@sum_kernel
+def merged_moments(
+    means: Points, packed: Matrix, weights: Vector, labels: Labels, parts: int
+) -> tuple[Points, Matrix, Vector]:
+    """Return mean (p, 3), packed covariance (p, 6) and weight (p,) of each part of a mixture.
+
+    Gaussian k, with its weight, belongs to the part ``labels[k]``; every part has one.
+    """
+    total = np.zeros(parts, np.float64)
+    middle = np.zeros((parts, 3), np.float64)
+    spread = np.zeros((parts, 6), np.float64)
+    for k in range(means.shape[0]):
+        part = labels[k]
+        total[part] += weights[k]
+        for a in range(3):
+            middle[part, a] += weights[k] * means[k, a]
+    for part in range(parts):
+        for a in range(3):
+            middle[part, a] /= total[part]
+    for k in range(means.shape[0]):
+        part = labels[k]
+        share = weights[k] / total[part]
+        x, y, z = (
+            means[k, 0] - middle[part, 0],
+            means[k, 1] - middle[part, 1],
+            means[k, 2] - middle[part, 2],
+        )
+        spread[part, 0] += share * (packed[k, 0] + x * x)
+        spread[part, 1] += share * (packed[k, 1] + x * y)
+        spread[part, 2] += share * (packed[k, 2] + x * z)
+        spread[part, 3] += share * (packed[k, 3] + y * y)
+        spread[part, 4] += share * (packed[k, 4] + y * z)
+        spread[part, 5] += share * (packed[k, 5] + z * z)
+    return middle, spread, total

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Counts, Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.flooring import floored_covariances
 from scanlock.kernels.moments import labelled_moments
-from scanlock.kernels.packed import packed_inverses, packed_turned
+from scanlock.kernels.packed import merged_moments, packed_inverses, packed_turned
 
 _PACKED_ROWS = (0, 0, 0, 1, 1, 2)
 _PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)
@@ -32,12 +33,12 @@ class Gaussians:
         et al. 2013, section VI; those of voxels, from `models.voxel_gaussians`, are divided by
         the count less one.
     counts : (k,)
-        Points behind each Gaussian.
+        Points behind each Gaussian; of merged ones, what gives them their weight.
     """
 
     means: Points
     packed_covariances: Matrix
-    counts: Labels
+    counts: Counts
 
     def __post_init__(self) -> None:
         k = len(self.means)
@@ -56,7 +57,7 @@ class Gaussians:
 
     @classmethod
     def from_covariances(
-        cls, means: Points, covariances: NDArray[np.float64], counts: Labels
+        cls, means: Points, covariances: NDArray[np.float64], counts: Counts
     ) -> "Gaussians":
         """Return the Gaussians of means (k, 3) [m] and symmetric covariances (k, 3, 3) [m^2]."""
         if covariances.shape[1:] != (3, 3):
@@ -170,6 +171,26 @@ class Gaussians:
             self.packed_covariances + deviation**2 * _PACKED_IDENTITY,
             self.variances + deviation**2,
         )
+
+    def merged(self, width: float, weight_power: float) -> "Gaussians":
+        """Return one Gaussian for all that have their means in one cube of a side [m].
+
+        It has the mean and covariance of the mixture of those, weighted by their counts to
+        `weight_power`, and such a count that its own weight is the sum of theirs.
+        """
+        require_positive("width", width, unit="m")
+        require_positive("weight_power", weight_power)
+        if len(self) == 0:
+            return self
+        labels, parts = voxel_labels(self.means, width)
+        means, packed, weights = merged_moments(
+            read_only(self.means),
+            read_only(self.packed_covariances),
+            read_only(self.counts.astype(np.float64) ** weight_power),
+            read_only(labels),
+            parts,
+        )
+        return Gaussians(means, packed, weights ** (1.0 / weight_power))
 
     def transformed(self, pose: Pose) -> "Gaussians":
         """Return the Gaussians moved by a pose; covariances turn with it."""

@@ -6,12 +6,13 @@ from typing import Literal
 from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.errors import InvalidInput, require_fraction, require_positive
+from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.objectives.quadratic import Objective
 from scanlock.objectives.restraint import FREE, Restraint
-from scanlock.registration.coarse_to_fine import CoarseToFine
+from scanlock.registration.coarse_to_fine import CoarseToFine, Scale
 from scanlock.registration.landmarks import LandmarkFinder, Landmarks
 from scanlock.solvers.solution import Solution
 
@@ -42,11 +43,16 @@ class SgcNdt:
     spacing_share: float = 1.0
     """P2D: under a blur the voxels grow to this share of it."""
 
+    merge_share: float = 2.0
+    """D2D: under a blur, the Gaussians in one cube of this many blurs become one; 0 leaves them
+    apart. The blur hides which they were."""
+
     def __post_init__(self) -> None:
         if self.score not in ("d2d", "p2d"):
             raise InvalidInput(f"score must be 'd2d' or 'p2d', got {self.score!r}")
         require_positive("spacing", self.spacing, unit="m")
         require_fraction("spacing_share", self.spacing_share)
+        require_at_least("merge_share", self.merge_share, 0.0)
 
     def prepare(self, cloud: PointCloud) -> Landmarks:
         """Return what the method keeps of a scan."""
@@ -69,10 +75,17 @@ class SgcNdt:
                     curvature=curvature,
                 )
             return GaussiansToGaussians(
-                target=target.gaussians[index].widened(blur),
-                source=source.gaussians[index].widened(blur),
+                target=self._blurred(target.gaussians[index], scale),
+                source=self._blurred(source.gaussians[index], scale),
                 weight_power=scale.weight_power,
                 curvature=curvature,
             )
 
         return self.schedule.minimise(lambda index: restraint.on(objective_at(index)), start)
+
+    def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
+        width = self.merge_share * scale.blur
+        # Without weights by count there is no count that would stand for several Gaussians.
+        if width > 0.0 and scale.weight_power > 0.0:
+            gaussians = gaussians.merged(width, scale.weight_power)
+        return gaussians.widened(scale.blur)

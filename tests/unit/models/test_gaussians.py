@@ -207,3 +207,41 @@ def test_variances_follow_floors_scales_and_blurs():
             reshaped.variances, np.linalg.eigvalsh(reshaped.covariances), rtol=1e-9, atol=1e-12
         )
         assert not reshaped.variances.flags.writeable
+
+
+@pytest.mark.parametrize("power", [0.25, 0.5, 1.0])
+def test_merged_gaussians_are_the_mixtures_of_their_cubes(power):
+    rng = np.random.default_rng(5)
+    several = gaussians(rng, 60, spread=6.0)
+    merged = several.merged(3.0, power)
+    cubes = np.floor(several.means / 3.0)
+    assert 1 < len(merged) < len(several)
+    assert len(merged) == len(np.unique(cubes, axis=0))
+    weights = several.counts**power
+    for mean, covariance, count in zip(
+        merged.means, merged.covariances, merged.counts, strict=True
+    ):
+        mine = np.flatnonzero((cubes == np.floor(mean / 3.0)).all(axis=1))
+        np.testing.assert_allclose(count**power, weights[mine].sum(), rtol=1e-12)
+        shares = weights[mine] / weights[mine].sum()
+        np.testing.assert_allclose(mean, shares @ several.means[mine], rtol=1e-12)
+        gaps = several.means[mine] - mean
+        expected = np.einsum("k,kij->ij", shares, several.covariances[mine])
+        expected += np.einsum("k,ki,kj->ij", shares, gaps, gaps)
+        np.testing.assert_allclose(covariance, expected, rtol=1e-10, atol=1e-12)
+
+
+def test_merging_leaves_alone_what_has_a_cube_to_itself():
+    several = gaussians(np.random.default_rng(6), 20, spread=50.0)
+    merged = several.merged(1e-6, 0.5)
+    order = np.lexsort(several.means.T[::-1])
+    np.testing.assert_allclose(merged.means, several.means[order], rtol=1e-12)
+    np.testing.assert_allclose(merged.counts, several.counts[order], rtol=1e-12)
+    assert len(several.taken(np.empty(0, np.int64)).merged(1.0, 0.5)) == 0
+
+
+@pytest.mark.parametrize("name", ["width", "weight_power"])
+def test_merging_needs_a_width_and_weights(name):
+    several = gaussians(np.random.default_rng(6), 3)
+    with pytest.raises(InvalidInput, match=f"{name} must be positive"):
+        several.merged(**{"width": 1.0, "weight_power": 1.0, name: 0.0})

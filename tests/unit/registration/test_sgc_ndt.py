@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from reference.samples import street, yaw_pose
+from reference.samples import gaussians, street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
 from scanlock.registration.register import register
 from scanlock.registration.sgc_ndt import SgcNdt
@@ -31,6 +32,35 @@ def test_points_of_p2d_are_thinned_by_the_spacing():
         assert result.method == "SgcNdt"
 
 
+def test_a_blurred_score_is_much_the_same_with_merged_gaussians():
+    parts = gaussians(np.random.default_rng(3), 500, spread=20.0)
+    for blur in (8.0, 4.0):
+        merged = parts.merged(2.0 * blur, 0.5)
+        assert len(merged) < 0.5 * len(parts)
+        apart = [
+            GaussiansToGaussians(target=one.widened(blur), source=one.widened(blur))
+            for one in (parts, merged)
+        ]
+        # Weights are scaled to unit length on their own, so values compare to the best one.
+        values = np.array(
+            [
+                [one.linearise(yaw_pose(0.02 * step, (step, 0.0, 0.0))).value for one in apart]
+                for step in (0.0, 2.0, 4.0, 8.0)
+            ]
+        )
+        np.testing.assert_allclose(*(values / values[0]).T, atol=0.03)
+
+
+def test_merging_changes_the_way_and_not_the_end():
+    motion = yaw_pose(0.5, (4.0, 1.0, 0.0))
+    source, target = motion.inverse().apply(street(2)), street(1)
+    ends = [
+        register(source, target, method=SgcNdt(merge_share=share)).target_from_source
+        for share in (0.0, 2.0)
+    ]
+    assert ends[0].is_close(ends[1], translation=1e-5, rotation=1e-6)
+
+
 def test_a_scan_is_prepared_without_knowing_its_role():
     method = SgcNdt()
     marks = method.prepare(PointCloud.from_array(street(1)))
@@ -45,6 +75,7 @@ def test_a_scan_is_prepared_without_knowing_its_role():
     [
         ({"spacing": 0.0}, "spacing must be positive, got 0.0 m"),
         ({"spacing_share": 1.5}, "spacing_share must lie between 0 and 1, got 1.5"),
+        ({"merge_share": -0.5}, "merge_share must be at least 0.0, got -0.5"),
         ({"score": "d2p"}, "score must be"),
     ],
 )
