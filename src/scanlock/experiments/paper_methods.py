@@ -1,14 +1,17 @@
 """The methods of Das et al. 2013, section VIII, with the settings that the paper states."""
 
+from dataclasses import replace
+
 from scanlock.experiments.experiment import Contender
 from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
 from scanlock.registration.gates import FixedGate
 from scanlock.registration.gicp import Gicp
 from scanlock.registration.icp import Icp, IcpStopping
-from scanlock.registration.methods import METHODS
 from scanlock.registration.ndt import Ndt
 from scanlock.registration.pairing import Pairing
 from scanlock.registration.sgc_ndt import SgcNdt
+from scanlock.solvers.newton import Newton
+from scanlock.solvers.stopping import Stopping
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
 P2D, D2D = "SGC-NDT-P2D", "SGC-NDT-D2D"
@@ -45,16 +48,15 @@ _ONE_SCALE = (
 
 def sgc_contenders() -> list[Contender]:
     """Return SGC-NDT both ways, as scanlock has it and as it is printed."""
-    one_scale = CoarseToFine(scales=PAPER_SCALES)
+    solver = Newton(stopping=Stopping(gradient=_TOLERANCE, step=_TOLERANCE))
+    all_scales = CoarseToFine(solver=solver)
+    one_scale = CoarseToFine(scales=PAPER_SCALES, solver=solver)
+    p2d, d2d = SgcNdt(score="p2d", schedule=all_scales), SgcNdt(score="d2d", schedule=all_scales)
     return [
-        Contender(name=P2D, method=METHODS["sgc-ndt-p2d"], remark=_SGC),
-        Contender(name=D2D, method=METHODS["sgc-ndt-d2d"], remark=_SGC),
-        Contender(
-            name=P2D_PRINTED, method=SgcNdt(score="p2d", schedule=one_scale), remark=_ONE_SCALE
-        ),
-        Contender(
-            name=D2D_PRINTED, method=SgcNdt(score="d2d", schedule=one_scale), remark=_ONE_SCALE
-        ),
+        Contender(name=P2D, method=p2d, remark=_SGC),
+        Contender(name=D2D, method=d2d, remark=_SGC),
+        Contender(name=P2D_PRINTED, method=replace(p2d, schedule=one_scale), remark=_ONE_SCALE),
+        Contender(name=D2D_PRINTED, method=replace(d2d, schedule=one_scale), remark=_ONE_SCALE),
     ]
 
 

@@ -40,6 +40,12 @@ class Quadratic:
         """Return the quadratic of a kernel's 28 sums: 1, 6 and 21 numbers."""
         return cls(float(terms[0]), terms[1:7], _symmetric(terms[7:]))
 
+    def after(self, step: Vector) -> "Quadratic":
+        """Return what this one foretells for the pose a small step on."""
+        change = self.hessian @ step
+        value = self.value + float(step @ (self.gradient + 0.5 * change))
+        return Quadratic(value, self.gradient + change, self.hessian)
+
 
 class Objective(Protocol):
     """Anything that can be linearised at a pose."""

@@ -22,6 +22,7 @@ from scanlock.registration.voxel_scan import measured_points, require_widths
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.solver import Solver
+from scanlock.solvers.stopping import Stopping
 from scanlock.threads import spread
 
 
@@ -76,8 +77,8 @@ class FineStage:
     grid: VoxelGrid = field(default_factory=VoxelGrid)
     """What becomes of the points of a cell."""
 
-    solver: Solver = field(default_factory=Newton)
-    """Minimises the score."""
+    solver: Solver = field(default_factory=lambda: Newton(stopping=Stopping(step=1e-3)))
+    """Minimises the score. What is left after a step of a millimetre is two thousandths of it."""
 
     loose_step: float = 0.03
     """All shapes but the last stop at steps below this [m]."""

@@ -19,6 +19,7 @@ from scanlock.registration.voxel_scan import VoxelScan, prepare_voxels, require_
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.solver import Solver
+from scanlock.solvers.stopping import Stopping
 
 Meeting = Literal[CellMeeting, "all"]
 """A rule of `scanlock.objectives.cell_scores`, or every Gaussian within reach of the score."""
@@ -69,7 +70,8 @@ class Ndt:
 
         They ran the Point Cloud Library, and describe each point in the cell that it lies in.
         """
-        return cls(widths=(3.0,), meeting="own-cell", spacing=0.0)
+        solver = Newton(stopping=Stopping(gradient=1e-6, step=1e-6))
+        return cls(widths=(3.0,), meeting="own-cell", spacing=0.0, solver=solver)
 
     def prepare(self, cloud: PointCloud) -> VoxelScan:
         """Return what the method keeps of a scan."""

@@ -29,8 +29,9 @@ _ACCEPTED_GAIN = 1e-4
 class Newton:
     """Settings of the trust-region Newton solver."""
 
-    stopping: Stopping = field(default_factory=Stopping)
-    """Tolerances and the iteration limit."""
+    stopping: Stopping = field(default_factory=lambda: Stopping(step=3e-4))
+    """Tolerances and the iteration limit. The last step is taken: what is left after one of less
+    than 0.3 mm is its square, a thousandth of that."""
 
     lever: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
@@ -55,6 +56,9 @@ class Newton:
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with every evaluation on the way.
 
+        A last step below the tolerance is taken and not evaluated: near the minimum the next one
+        would be its square.
+
         Rotations of a step are about zero of the target's frame, so coordinates should lie
         around it, within a few lever arms.
         """
@@ -73,6 +77,9 @@ class Newton:
             step, predicted = trust_step(gradient, quadratic.hessian / squares, radius)
             step_norm = _length(step)
             if step_norm < self.stopping.step:
+                # A step cut short tells nothing of where the minimum is.
+                if step_norm < 0.99 * radius:
+                    pose, quadratic = pose.retract(step / scale), quadratic.after(step / scale)
                 return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
 
             tried_pose = pose.retract(step / scale)

@@ -44,9 +44,9 @@ class Solution:
     Attributes
     ----------
     pose : Pose
-        The best pose seen.
+        The best pose seen, or a step from it that was too small to be worth an evaluation.
     quadratic : Quadratic
-        The objective there.
+        The objective there; after such a step, as foretold before it.
     reason : StopReason
     history : tuple of Iteration
     notes : tuple of str

@@ -50,13 +50,12 @@ def test_blurred_scales_stop_at_a_share_of_their_blur_and_the_sharp_one_at_the_t
         loose_step=0.1,
         solver=Newton(stopping=Stopping(gradient=1e-30, step=1e-3)),
     )
-    # Steps of 0.3 m and of 0.03 m: too small to bother with at 4 m, at 1 m only the second.
-    ends = []
-    for minimum in (0.3, 0.03):
-        bowls = [_Bowl(minimum), _Bowl(minimum), _Bowl(minimum)]
-        schedule.minimise(bowls.__getitem__, Pose.identity())
-        ends.append([bowl.starts[-1].translation[0] for bowl in bowls])
-    np.testing.assert_allclose(ends, [[0.0, 0.3, 0.3], [0.0, 0.0, 0.03]], atol=1e-9)
+    # Steps of 0.3 m and of 0.03 m: too small to evaluate at 4 m, at 1 m only the second.
+    for step, evaluations in ((0.3, [1, 2, 2]), (0.03, [1, 1, 2])):
+        bowls = [_Bowl(step), _Bowl(2.0 * step), _Bowl(3.0 * step)]
+        solution = schedule.minimise(bowls.__getitem__, Pose.identity())
+        assert [len(bowl.starts) for bowl in bowls] == evaluations
+        np.testing.assert_allclose(solution.pose.translation, [3.0 * step, 0.0, 0.0], atol=1e-9)
 
 
 _TWO_ENTRIES = (_SCALES[0], Scale(blur=1.0, largest_radius=2.0, is_entry=True), _SCALES[2])

@@ -103,8 +103,13 @@ def _assert_consistent(solution, solver):
     assert history[0].step_norm == 0.0
     assert values == sorted(values, reverse=True)
     assert len(set(values)) == len(values)
-    assert solution.pose == accepted[-1].pose
-    assert solution.quadratic.value == values[-1]
+    last_step, _ = solution.pose.distance(accepted[-1].pose)
+    if solution.reason is StopReason.STEP_SMALL:
+        assert last_step < solver.stopping.step
+        assert solution.quadratic.value <= values[-1]
+    else:
+        assert last_step == 0.0
+        assert solution.quadratic.value == values[-1]
     assert len(history) <= solver.stopping.iterations
     # One step may exceed the radius by the hundredth that the search for the damping allows.
     steps = [entry.step_norm for entry in history]
@@ -121,6 +126,35 @@ def test_a_quadratic_within_the_radius_takes_one_step(curvatures):
     assert len(solution.history) == 2
     assert solution.reason is StopReason.GRADIENT_SMALL
     _assert_consistent(solution, solver)
+
+
+def test_a_last_step_too_small_to_evaluate_is_taken_as_foretold():
+    minimum = np.array([1.0, -2.0, 3.0])
+    bowl, start = _bowl(minimum), _at(1.004, -2.0, 3.003)
+    solution = Newton(stopping=Stopping(step=0.01)).minimise(bowl, start)
+    assert bowl.calls == 1
+    assert solution.reason is StopReason.STEP_SMALL
+    np.testing.assert_allclose(solution.pose.translation, minimum, atol=1e-12)
+    there = bowl.linearise(solution.pose)
+    np.testing.assert_allclose(solution.quadratic.value, there.value, rtol=1e-12)
+    np.testing.assert_allclose(solution.quadratic.gradient, there.gradient, atol=1e-12)
+    np.testing.assert_array_equal(solution.quadratic.hessian, there.hessian)
+
+
+def test_a_small_step_that_was_cut_short_is_not_taken():
+    # Every value is worse than the first, so the radius shrinks until steps are small.
+    class _Liar:
+        def __init__(self):
+            self.calls = 0
+
+        def linearise(self, pose):
+            self.calls += 1
+            gradient = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+            return Quadratic(_FLOOR + (self.calls > 1), gradient, np.eye(6))
+
+    solution = Newton(stopping=Stopping(step=1e-3)).minimise(_Liar(), Pose.identity())
+    assert solution.reason is StopReason.STEP_SMALL
+    assert solution.pose == Pose.identity()
 
 
 def test_steps_are_no_longer_than_the_trust_radius():
@@ -236,7 +270,7 @@ def test_tolerances_end_the_search_when_they_say():
         _bowl(np.array([0.3, 0.0, 0.0])), Pose.identity()
     )
     assert stepped.reason is StopReason.STEP_SMALL
-    assert stepped.pose == Pose.identity()
+    assert len(stepped.history) == 1
 
 
 def test_rotations_count_at_the_lever():
