@@ -144,9 +144,12 @@ class Pose:
 
     def retract(self, step: Vector) -> "Pose":
         """Return this pose followed by a small step ``(rho, phi)`` in the target frame."""
-        moved = Pose.from_step(step) @ self
-        # Long chains of products drift off the rotations; one projection a step holds them.
-        return Pose._of_poses(nearest_rotation(moved.rotation), moved.translation)
+        turn = exp_rotation(step[3:])
+        rotation = turn @ self.rotation
+        # Long chains of products drift off the rotations. One step of Newton's iteration to the
+        # nearest one (Higham 1986) squares what rounding left.
+        rotation = 1.5 * rotation - 0.5 * (rotation @ (rotation.T @ rotation))
+        return Pose._of_poses(rotation, turn @ self.translation + step[:3])
 
     def distance(self, other: "Pose") -> tuple[float, float]:
         """Return how far another pose is: translation [m] and rotation angle [rad]."""

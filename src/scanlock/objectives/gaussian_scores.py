@@ -122,7 +122,7 @@ class GaussiansToGaussians:
             parts = spread(
                 lambda part: self._terms(pose, near.rows(part), near.lists(part)), near.parts
             )
-            terms = np.sum([np.zeros(28), *parts], axis=0)
+            terms = parts[0] if len(parts) == 1 else np.sum([np.zeros(28), *parts], axis=0)
         return Quadratic.from_terms(self.shape.height * terms)
 
     @cached_property
