@@ -150,7 +150,9 @@ class HeadingSearch:
                 np.sqrt(magnitude, out=magnitude)
             else:
                 np.power(magnitude, self.whitening, out=magnitude)
-            spectra /= magnitude
+            # Either part by itself: NumPy would divide by complex numbers.
+            spectra.real /= magnitude
+            spectra.imag /= magnitude
         return spectra
 
     def _maps(self, view: PlanView, turns: Vector, cell: float) -> _Maps:
