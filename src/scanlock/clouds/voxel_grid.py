@@ -4,8 +4,9 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import require_positive
+from scanlock.kernels.moments import labelled_moments
+from scanlock.kernels.voxel_sums import moments_of_sums, voxel_sums
 from scanlock.kernels.voxels import ascending_keys, occupied_voxels, voxel_middles
-from scanlock.kernels.voxels import voxel_moments as moments_of_voxels
 
 _ZERO = read_only(np.zeros(3))
 
@@ -48,12 +49,12 @@ def voxel_moments(
         Upper triangles of the covariances, divided by the counts.
     """
     require_positive("width", width, unit="m")
-    cells, counts, moments = moments_of_voxels(
-        read_only(points), read_only(corner), float(width), least_count
-    )
-    order = _ascending(cells)
-    moments = moments[order]
-    return cells[order], counts[order], moments[:, :3], moments[:, 3:]
+    points, corner = read_only(points), read_only(corner)
+    fits, keys, sums = voxel_sums(points, corner, float(width), least_count)
+    if not fits:
+        return _scattered_moments(points, width, corner, least_count)
+    order = read_only(np.argsort(keys))
+    return moments_of_sums(order, read_only(keys), read_only(sums), corner, float(width))
 
 
 def voxel_means(points: Points, width: float) -> Points:
@@ -62,6 +63,16 @@ def voxel_means(points: Points, width: float) -> Points:
     points = read_only(points)
     labels, cells = occupied_voxels(points, _ZERO, float(width))
     return voxel_middles(points, read_only(labels), len(cells))[_ascending(cells)]
+
+
+def _scattered_moments(
+    points: Points, width: float, corner: Vector, least_count: int
+) -> tuple[Labels, Labels, Points, Matrix]:
+    """Return the same as `voxel_moments`, however far voxels lie from the corner."""
+    labels, cells = voxel_cells(points, width, corner)
+    counts, means, packed = labelled_moments(points, read_only(labels), len(cells))
+    kept = counts >= least_count
+    return cells[kept], counts[kept], means[kept], packed[kept]
 
 
 def _ascending(cells: Labels) -> Labels:

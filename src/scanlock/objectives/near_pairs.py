@@ -14,7 +14,7 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
+from scanlock.kernels.reach import centre_and_arms, sorted_by_cell, targets_in_reach
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Lists
 
@@ -27,19 +27,16 @@ _PART = 1024
 _MOST_KEPT = 1 << 23
 """Pairs whose lists are kept; more are listed anew, a part at a time, for every value."""
 
-_MOST_CELLS = 128
-"""Cells along a side of the grid that the targets are sorted into."""
+_CELL = 0.8
+"""Side of the cells that the targets are sorted into, as a share of the typical reach."""
 
 _LEAST_CELL = 1e-3
 """Least side of a cell [m]: targets may all lie in one place."""
 
-_NARROW = 0.9
-"""This share of the targets is looked for by itself, no farther than its own widths allow."""
-
 _LEAST_ARM = 1e-3
 """Least typical distance of the sources from their centre [m]: there may be only one."""
 
-_Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, Vector]
+_Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +62,7 @@ class Reach:
     @cached_property
     def centre(self) -> Vector:
         """Mean of the sources in their own frame (3,) [m]."""
-        return self.source.means.sum(axis=0) / max(1, len(self.source))
+        return self._centre_and_arms[0]
 
     @cached_property
     def shift(self) -> float:
@@ -88,24 +85,22 @@ class Reach:
 
     @cached_property
     def _arms(self) -> Vector:
-        gaps = self.source.means - self.centre
-        return np.sqrt(np.einsum("ij,ij->i", gaps, gaps))
+        return self._centre_and_arms[1]
+
+    @cached_property
+    def _centre_and_arms(self) -> tuple[Vector, Vector]:
+        return centre_and_arms(self.source.means)
 
     @cached_property
     def grid(self) -> _Grid:
-        """The targets, sorted into cells of half the typical reach."""
+        """The targets, sorted into cells somewhat smaller than the typical reach."""
         target = self.target
-        low, high = target.means[:, :2].min(axis=0), target.means[:, :2].max(axis=0)
-        widest = read_only(np.array([_quantile(target.widths, share) for share in (_NARROW, 1.0)]))
-        both = float(widest[0]) + _quantile(self.source.widths, 0.5)
-        reach = math.sqrt(self.scale * both + _quantile(self.margins, 0.5))
-        # Half the reach: of what is looked at, half is in reach.
-        width = max(0.5 * reach, float((high - low).max()) / _MOST_CELLS, _LEAST_CELL)
-        columns, rows = (int(count) + 1 for count in (high - low) / width)
-        corner = read_only(low)
-        place = corner, width, columns, rows
-        starts, order, inside = sorted_by_cell(target.means, target.widths, widest, *place)
-        return read_only(starts), read_only(order), read_only(inside), *place, widest
+        side = max(_CELL * self.shift / _SLACK, _LEAST_CELL)
+        starts, order, inside, corner, side, columns, rows = sorted_by_cell(
+            target.means, target.widths, side
+        )
+        cells = read_only(starts), read_only(order), read_only(inside)
+        return *cells, read_only(corner), side, columns, rows, float(target.widths.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +150,11 @@ class NearPairs:
         rows, reach = self.rows(part), self.reach
         ends, members = targets_in_reach(
             *reach.grid,
-            read_only(self.pose.apply(reach.source.means[rows])),
+            read_only(reach.source.means[rows]),
             read_only(reach.source.widths[rows]),
             read_only(reach.margins[rows]),
+            self.pose.rotation,
+            self.pose.translation,
             reach.scale,
         )
         return read_only(np.arange(len(ends) - 1)), read_only(ends), read_only(members)

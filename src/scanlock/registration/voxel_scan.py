@@ -7,7 +7,7 @@ from scanlock.arrays import Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_positive
-from scanlock.kernels.rows import is_off_zero
+from scanlock.kernels.rows import chosen_points, is_off_zero
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
 from scanlock.registration.scales import shares_of, shortage_of
@@ -92,4 +92,6 @@ def measured_points(cloud: PointCloud) -> Points:
     if cloud.origin.any():
         return cloud.points
     is_measured = is_off_zero(cloud.points)
-    return cloud.points if is_measured.all() else cloud.points[is_measured]
+    if is_measured.all():
+        return cloud.points
+    return read_only(chosen_points(cloud.points, read_only(is_measured)))

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from reference.grouping import partition
+from reference.moments import moments as labelled
 from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels, voxel_means, voxel_moments
 from scanlock.errors import InvalidInput
 
@@ -81,6 +82,51 @@ def test_one_far_point_changes_no_other_voxel(far):
 def test_widths_out_of_range_are_refused_by_name(width):
     with pytest.raises(InvalidInput, match="width must be positive"):
         voxel_labels(np.zeros((1, 3)), width)
+
+
+@pytest.mark.parametrize("least_count", [1, 4])
+@pytest.mark.parametrize("width", [0.15, 0.7, 6.0])
+def test_moments_match_the_definition(width, least_count):
+    # Some in runs of one cube, some not, and with many cubes for one more round of the hash.
+    rng = np.random.default_rng(6)
+    runs = np.repeat(rng.normal(0.0, 6.0, (300, 3)), rng.integers(1, 20, 300), axis=0)
+    points = np.concatenate([rng.normal(0.0, 3.0, (2500, 3)), runs])
+    points += rng.normal(0.0, 0.05, points.shape)
+    corner = np.array([0.3, -0.2, 0.1])
+    labels, every = voxel_cells(points, width, corner)
+    counts, means, packed = labelled(points, labels, len(every))
+    full = counts >= least_count
+    found = voxel_moments(points, width, corner, least_count)
+    assert len(every) > 1024 or width > 0.15
+    np.testing.assert_array_equal(found[0], every[full])
+    np.testing.assert_array_equal(found[1], counts[full])
+    np.testing.assert_allclose(found[2], means[full], rtol=0.0, atol=1e-13)
+    upper = packed[full][:, *np.triu_indices(3)]
+    np.testing.assert_allclose(found[3], upper, rtol=0.0, atol=1e-13 * width**2 + 1e-15)
+
+
+@pytest.mark.parametrize("index", [2**20 - 1, 2**20, 2**40])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_far_voxel_changes_no_other_moments(index, axis, sign):
+    points = np.random.default_rng(7).uniform(-4.0, 4.0, (300, 3))
+    near = voxel_moments(points, 0.5)
+    far = np.zeros((3, 3))
+    far[:, axis] = 0.5 * (sign * index + np.array([0.25, 0.5, 0.75]))
+    cells, counts, means, packed = voxel_moments(np.vstack([points[:7], far, points[7:]]), 0.5)
+    [row] = np.flatnonzero(np.abs(cells[:, axis]) > 8)
+    assert cells[row, axis] == sign * index
+    assert counts[row] == 3
+    np.testing.assert_array_equal(means[row], far[1])
+    np.testing.assert_allclose(packed[row].sum(), 0.125**2 * 2.0 / 3.0)
+    others = [np.delete(array, row, axis=0) for array in (cells, counts, means, packed)]
+    for one, other in zip(others, near, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-14)
+
+
+def test_no_points_have_no_moments():
+    cells, counts, means, packed = voxel_moments(np.empty((0, 3)), 1.0)
+    assert (cells.shape, counts.shape, means.shape, packed.shape) == ((0, 3), (0,), (0, 3), (0, 6))
 
 
 @pytest.mark.parametrize("far", [1.0, 1e12])

@@ -5,7 +5,7 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.reach import sorted_by_cell, targets_in_reach
+from scanlock.kernels.reach import centre_and_arms, sorted_by_cell, targets_in_reach
 from scanlock.objectives import near_pairs as module
 from scanlock.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.objectives.near_pairs import NearPairs, Reach
@@ -53,21 +53,60 @@ def _all(near):
 def test_targets_in_reach_are_those_of_the_definition(seed, spread):
     rng = np.random.default_rng(seed)
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
-    low = target.means[:, :2].min(axis=0)
-    columns, rows = (int(side) + 1 for side in (target.means[:, :2].max(axis=0) - low) / 3.0)
-    grid = read_only(low), 3.0, columns, rows
-    widest = read_only(np.quantile(target.widths, (0.5, 0.9, 1.0)))
+    pose = _step(rng, 0.1)
     margins = rng.uniform(0.0, 5.0, 90)
-    order = sorted_by_cell(target.means, target.widths, widest, *grid)
+    *order, side, columns, rows = sorted_by_cell(target.means, target.widths, 3.0)
     ends, members = targets_in_reach(
-        *(read_only(array) for array in order), *grid, widest,
-        source.means, source.widths, read_only(margins), 9.0,
+        *(read_only(array) for array in order), side, columns, rows, target.widths.max(),
+        source.means, source.widths, read_only(margins), pose.rotation, pose.translation, 9.0,
     )  # fmt: skip
-    squares = ((source.means[:, None] - target.means) ** 2).sum(axis=2)
+    places = pose.apply(source.means)
+    squares = ((places[:, None] - target.means) ** 2).sum(axis=2)
     expected = squares < 9.0 * (source.widths[:, None] + target.widths) + margins[:, None]
     found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
     assert bool(found) == (spread < 2000.0)
+
+
+@pytest.mark.parametrize("side", [0.01, 1.0, 50.0])
+def test_sorted_targets_stand_in_their_cells_and_cells_are_not_too_many(side):
+    rng = np.random.default_rng(11)
+    means = rng.normal(0.0, [30.0, 10.0, 2.0], (500, 3))
+    widths = rng.uniform(0.1, 1.0, 500)
+    starts, order, inside, corner, used, columns, rows = sorted_by_cell(
+        read_only(means), read_only(widths), side
+    )
+    assert used >= side
+    assert max(columns, rows) <= 129
+    assert sorted(order.tolist()) == list(range(500))
+    np.testing.assert_array_equal(inside, np.column_stack([means, widths])[order].T)
+    cells = np.repeat(np.arange(columns * rows), np.diff(starts))
+    places = (inside[:2] - corner[:, None]) / used
+    for axis, cell in zip(places, (cells % columns, cells // columns), strict=True):
+        assert ((axis > cell - 1e-9) & (axis < cell + 1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 77])
+def test_centre_and_arms_are_those_of_the_definition(count):
+    means = np.random.default_rng(12).normal(40.0, 20.0, (count, 3))
+    centre, arms = centre_and_arms(read_only(means))
+    expected = means.mean(axis=0) if count else np.zeros(3)
+    np.testing.assert_allclose(centre, expected, rtol=1e-14)
+    np.testing.assert_allclose(arms, np.linalg.norm(means - expected, axis=1), atol=1e-12)
+
+
+def test_the_order_of_sources_changes_no_list():
+    # Neighbours in the order share a look at the grid; scattered ones do not.
+    rng = np.random.default_rng(13)
+    target, source = (gaussians(rng, 300, spread=15.0, most=0.8) for _ in range(2))
+    in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
+    pose = _step(rng, 0.1)
+    first, second = (
+        {(rows[i], j) for i, j in _all(NearPairs(Reach(target, source.taken(rows), 25.0), pose))}
+        for rows in (in_order, scattered)
+    )
+    assert first == second
+    assert len(first) > 1000
 
 
 def test_far_places_and_empty_sets_have_nothing_in_reach():
