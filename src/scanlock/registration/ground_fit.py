@@ -6,9 +6,10 @@ are not one plane: what both saw of it, between the two places, settles how they
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector
+from scanlock.arrays import Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
+from scanlock.kernels.shared_ground import ground_gaps, plane_sums, weights_about_plane
 from scanlock.models.plan_view import PlanView
 
 _LEAST_CELLS = 12
@@ -37,13 +38,11 @@ def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
     if not (target.has_ground and source.has_ground):
         return pose
     level = target.level_from_scan @ pose @ source.level_from_scan.inverse()
-    ground = _cells_of(source)
-    weights = np.ones(len(ground))
+    grids = read_only(target.ground), target.ground_cell, read_only(source.ground)
+    weights = np.ones(source.ground.size)
     for _ in range(_ROUNDS):
-        moved = level.apply(ground)
-        rises = _ground_below(target, moved) - moved[:, 2]
-        shared = np.isfinite(rises)
-        fit = _plane_through(moved[shared], rises[shared], weights[shared], level.translation)
+        gaps = ground_gaps(*grids, source.ground_cell, level.rotation, level.translation)
+        fit = _plane_through(read_only(gaps), read_only(weights))
         if fit is None:
             return pose
         rise, slopes = fit
@@ -51,40 +50,19 @@ def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
         level = Pose(turn @ level.rotation, level.translation + np.array([0.0, 0.0, rise]))
         if abs(rise) < _SETTLED and np.abs(slopes).max() < _SETTLED:
             break
-        left = rises - rise - (moved - level.translation)[:, :2] @ slopes
-        weights = (1.0 + (np.where(shared, left, 0.0) / _OUTLIER) ** 2) ** -2.0
+        weights = weights_about_plane(read_only(gaps), rise, *slopes.tolist(), _OUTLIER)
     return target.level_from_scan.inverse() @ level @ source.level_from_scan
 
 
-def _cells_of(view: PlanView) -> Points:
-    """Return the (g, 3) level points of the ground of a view [m]."""
-    known = np.argwhere(np.isfinite(view.ground))
-    points = np.empty((len(known), 3))
-    points[:, :2] = (known - len(view.ground) // 2 + 0.5) * view.ground_cell
-    points[:, 2] = view.ground[known[:, 0], known[:, 1]]
-    return points
-
-
-def _ground_below(view: PlanView, points: Points) -> Vector:
-    """Return the level z of the ground at each place, NaN where the view shows none."""
-    side = len(view.ground)
-    cells = np.floor(points[:, :2] / view.ground_cell).astype(np.int64) + side // 2
-    inside = ((cells >= 0) & (cells < side)).all(axis=1)
-    heights = np.full(len(points), np.nan)
-    heights[inside] = view.ground[cells[inside, 0], cells[inside, 1]]
-    return heights
-
-
-def _plane_through(
-    places: Points, rises: Vector, weights: Vector, centre: Vector
-) -> tuple[float, Vector] | None:
-    """Return the rise at the centre [m] and its (2,) slopes; None where they are not held."""
-    if len(rises) < _LEAST_CELLS:
+def _plane_through(gaps: Matrix, weights: Vector) -> tuple[float, Vector] | None:
+    """Return the rise of the axis [m] and its (2,) slopes; None where they are not held."""
+    (count, x, y, xx, xy, yy), weighted = plane_sums(gaps, weights)
+    if count < _LEAST_CELLS:
         return None
-    level = places[:, :2] - places[:, :2].mean(axis=0)
-    if np.linalg.eigvalsh(level.T @ level / len(level))[0] < _LEAST_SPREAD**2:
+    spread = np.array([[xx - x * x / count, xy - x * y / count], [0.0, yy - y * y / count]]) / count
+    if np.linalg.eigvalsh(spread, UPLO="U")[0] < _LEAST_SPREAD**2:
         return None
-    columns = np.column_stack([np.ones(len(rises)), places[:, :2] - centre[:2]])
-    weighted = columns * weights[:, None]
-    solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ rises, rcond=None)[0]
+    w, wx, wy, wxx, wxy, wyy = weighted[:6]
+    normal = np.array([[w, wx, wy], [wx, wxx, wxy], [wy, wxy, wyy]])
+    solved = np.linalg.solve(normal, weighted[6:])
     return float(solved[0]), solved[1:].astype(np.float64, copy=False)
