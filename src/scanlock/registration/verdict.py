@@ -57,7 +57,8 @@ def weakest_direction(gaussians: Gaussians) -> tuple[float, Vector]:
     """
     # A matrix has the same axes as its square, so none of them need be found one by one.
     thin = np.eye(3) - gaussians.covariances / gaussians.widths[:, None, None]
-    held = np.einsum("k,kia,kaj->ij", gaussians.weights() ** 2, thin, thin)
+    rows = thin.reshape(-1, 3)
+    held = rows.T @ (np.repeat(gaussians.weights() ** 2, 3)[:, None] * rows)
     holds, directions = np.linalg.eigh(held)
     if holds[2] <= 0.0:
         # Only round Gaussians: each is an object of its own and holds all directions alike.
