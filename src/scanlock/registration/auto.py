@@ -99,11 +99,7 @@ class Auto:
         parts = dict(zip(radii, found.gaussians, strict=True))
         with clock.stage("view"):
             view = None if self.search is None else self.search.view(cloud, ground)
-        with clock.stage("features"):
             level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
-            features = (
-                None if self.matcher is None else self.matcher.describe(parts[near[0]], level)
-            )
         with clock.stage("ranges"):
             ranges = None if self.imager is None else self.imager.image(cloud)
         with clock.stage("cells"):
@@ -113,7 +109,7 @@ class Auto:
             replace(found, gaussians=tuple(parts[radius] for radius in basin)),
             tuple(parts[radius] for radius in near),
             view,
-            features,
+            level,
             ranges,
             fine,
             {**clock.seconds, **found.timings},
@@ -247,11 +243,13 @@ class Auto:
     def _matched(
         self, target: AutoScan, source: AutoScan, is_free: bool = False
     ) -> list[Hypothesis]:
-        if self.matcher is None or target.features is None or source.features is None:
+        if self.matcher is None:
             return []
-        features = target.features, source.features
-        if is_free:
-            features = tuple(self.matcher.describe(one.parts[0], None) for one in (target, source))
+        # Not kept with a scan: few pairs leave a doubt that needs them.
+        features = [
+            self.matcher.describe(one.parts[0], None if is_free else one.level)
+            for one in (target, source)
+        ]
         return self.matcher.hypotheses(*features)
 
     def _refined(

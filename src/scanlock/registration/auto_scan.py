@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.models.cluster_features import ClusterFeatures
+from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.plan_view import PlanView
 from scanlock.models.range_image import RangeImage
@@ -26,8 +26,8 @@ class AutoScan:
         Its clusters at each scale of the descents from hypotheses.
     view : PlanView or None
         What the search sees of it.
-    features : ClusterFeatures or None
-        What of its clusters can be recognised from elsewhere.
+    level : Pose or None
+        Turns it upright, with its ground at z = 0; None where no ground says which way is up.
     ranges : RangeImage or None
         How far it saw; None where the origin of its frame is no sensor.
     fine : FineScan or None
@@ -40,7 +40,7 @@ class AutoScan:
     landmarks: Landmarks
     parts: tuple[Gaussians, ...]
     view: PlanView | None
-    features: ClusterFeatures | None
+    level: Pose | None
     ranges: RangeImage | None
     fine: FineScan | None
     timings: Mapping[str, float]
