@@ -18,7 +18,7 @@ from scanlock.kernels.reach import centre_and_arms, sorted_by_cell, targets_in_r
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Lists
 
-_SLACK = 0.07
+_SLACK = 0.03
 """How far the centre may move while lists last, as a share of the typical reach."""
 
 _PART = 1024
