@@ -92,7 +92,7 @@ def fit_base_surface(
     )
     sharp = _sharp(points, prototypes, plane, grid)
     envelope = lower_envelope(
-        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
+        x, y, z, prototypes.cells, prototypes.starts, prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
     )
     # Reflections below the ground must not take the ground around them away.
     on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | (np.abs(heights) < _GATE)

@@ -29,10 +29,15 @@ def _low(seed):
     """Low points of the hills, and what the kernels want to know of them."""
     points = _hills(seed)
     cells = _GRID.cells(points)
-    lowest, _ = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins)
+    lowest = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     low = points[lowest[own]]
     return [read_only(column) for column in low.T], read_only(own), low
+
+
+def _starts(cells):
+    """Where the cells of each sector start."""
+    return read_only(np.searchsorted(cells, np.arange(_GRID.sectors + 1) * _GRID.bins))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -42,12 +47,19 @@ def test_lowest_points_and_counts(seed):
     points = read_only(np.vstack([points, points[:50]]))
     cells = _GRID.cells(points)
     count = _GRID.sectors * _GRID.bins
-    lowest, filled = passes.lowest_in_cells(points, cells, count)
-    expected = slow.lowest_in_cells(points, cells, count)
-    held = lowest >= 0
-    assert (held == (expected[0] >= 0)).all()
-    assert (points[lowest[held]] == points[expected[0][held]]).all()
-    assert (filled == expected[1]).all()
+    expected, filled = slow.lowest_in_cells(points, cells, count)
+    for least in (4, 1):
+        lowest = passes.lowest_in_cells(points, cells, count, least)
+        held = lowest >= 0
+        assert 0 < held.sum() < count
+        assert (held == (filled >= least)).all()
+        assert (points[lowest[held]] == points[expected[held]]).all()
+
+    low, ranges, own, starts = passes.gathered_prototypes(points, read_only(lowest), _GRID.sectors)
+    assert (own == np.flatnonzero(lowest >= 0)).all()
+    assert (low == points[lowest[own]]).all()
+    assert np.allclose(ranges, np.hypot(*low[:, :2].T), rtol=1e-15)
+    assert (starts == np.searchsorted(own, np.arange(_GRID.sectors + 1) * _GRID.bins)).all()
 
     plane = read_only(np.array([0.05, -0.02, 0.99, 1.0]))
     near = read_only(np.random.default_rng(seed).uniform(0.1, 0.5, count))
@@ -93,7 +105,7 @@ def test_turned_points():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_lower_envelope_is_that_of_all_cones(seed):
     (x, y, z), cells, _ = _low(seed)
-    found = lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
+    found = lower_envelope(x, y, z, cells, _starts(cells), _GRID.bins, 0.6, 0.1, 3)
     exact = slow.lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
     # Cones are passed on from cell to cell: one may be lost on the way, none is invented.
     assert (found >= exact - 1e-12).all()
@@ -108,10 +120,10 @@ def test_a_few_stray_reflections_take_no_ground_away_but_a_lower_level_does(coun
     nearest = np.argsort(np.linalg.norm(points - [15, 3, 0], axis=1))
     points[nearest[:count], 2] = -4.0
     cells = _GRID.cells(points)
-    lowest, _ = passes.lowest_in_cells(read_only(points), cells, _GRID.sectors * _GRID.bins)
+    lowest = passes.lowest_in_cells(read_only(points), cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     x, y, z = (read_only(column) for column in points[lowest[own]].T)
-    above = z - lower_envelope(x, y, z, read_only(own), 24, _GRID.bins, 0.6, 0.1, 3)
+    above = z - lower_envelope(x, y, z, read_only(own), _starts(own), _GRID.bins, 0.6, 0.1, 3)
     assert ((above > 0.25).sum() > 20) == hides
 
 
@@ -186,9 +198,8 @@ def test_patches_grow_as_defined(seed):
 
 def test_one_compiled_form_serves_all():
     for kernel in (
-        passes.lowest_in_cells, passes.count_low_points,
+        passes.lowest_in_cells, passes.gathered_prototypes, passes.count_low_points,
         passes.split_by_knots, passes.turned_points,
-
         lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel
