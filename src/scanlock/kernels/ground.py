@@ -108,38 +108,47 @@ def turned_points(points: Points, rotation: Matrix) -> Points:
 
 
 @kernel
-def count_low_points(
+def sharp_prototypes(
     points: Points,
+    cell_of_point: Labels,
+    lowest: Points,
     cells: Labels,
-    lowest: Labels,
     plane: Vector,
     near: Vector,
     reach: float,
-) -> tuple[Labels, Labels]:
-    """Return how many points of each cell lie near its lowest one, and within `reach` of that.
+    share: float,
+) -> Mask:
+    """Tell which of the `lowest` points, in `cells`, have the points of their cell close to them.
 
-    Heights are those above `plane`, (a, b, c, d); near is ``near[c]`` metres in cell c, and
-    `reach` a multiple of it.
+    Of the points that rise less than `reach` times `near` above it, a larger share than `share`
+    must rise less than `near`. Heights are those above `plane`, (a, b, c, d); `near` holds metres,
+    one number for each range bin.
     """
-    cell_count = lowest.shape[0]
+    bins = near.shape[0]
+    cell_count = cells[cells.shape[0] - 1] + 1 if cells.shape[0] > 0 else 0
+    # What the points of each cell are compared with: heights at which near, and reach, end.
+    near_end = np.empty(cell_count, np.float64)
+    reach_end = np.empty(cell_count, np.float64)
     close = np.zeros(cell_count, np.int64)
     within = np.zeros(cell_count, np.int64)
-    floor = np.zeros(cell_count, np.float64)
     a = plane[0]
     b = plane[1]
     c = plane[2]
-    for k in range(cell_count):
-        i = lowest[k]
-        if i >= 0:
-            floor[k] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+    for j in range(cells.shape[0]):
+        floor = a * lowest[j, 0] + b * lowest[j, 1] + c * lowest[j, 2]
+        near_end[cells[j]] = floor + near[cells[j] % bins]
+        reach_end[cells[j]] = floor + reach * near[cells[j] % bins]
     for i in range(points.shape[0]):
-        if cells[i] < 0:
+        if cell_of_point[i] < 0 or cell_of_point[i] >= cell_count:
             continue
-        k = np.uint64(cells[i])
-        rise = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - floor[k]
-        within[k] += rise < reach * near[k]
-        close[k] += rise < near[k]
-    return close, within
+        k = np.uint64(cell_of_point[i])
+        height = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+        within[k] += height < reach_end[k]
+        close[k] += height < near_end[k]
+    sharp = np.empty(cells.shape[0], np.bool_)
+    for j in range(cells.shape[0]):
+        sharp[j] = close[cells[j]] > share * within[cells[j]]
+    return sharp
 
 
 @kernel

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels.ground import gathered_prototypes, lowest_in_cells
 
@@ -53,8 +51,3 @@ class Prototypes:
         frozen(lowest)
         low, ranges, cells, starts = gathered_prototypes(read_only(points), lowest, sectors)
         return cls(low, ranges, cells, starts, cell_of_point, lowest, bins)
-
-    def sectors_of(self, chosen: Mask) -> int:
-        """Return how many sectors hold a chosen prototype."""
-        before = np.concatenate([[0], np.cumsum(chosen)])
-        return int(np.count_nonzero(np.diff(before[self.starts])))
