@@ -1,4 +1,4 @@
-"""Passes over the prototypes: seeds, patches and knots of a ground model, and how far it goes."""
+"""Passes over the prototypes: their patches, what these make of them, seeds, knots, extent."""
 
 import math
 
@@ -70,6 +70,53 @@ def patch_members(
             members[end[patch[i]]] = i
             end[patch[i]] += 1
     return members, first, occupied, start
+
+
+@kernel
+def heights_of_patches(
+    x: Vector,
+    y: Vector,
+    patch: Labels,
+    patches: Matrix,
+    accepted: Mask,
+    patch_sectors: int,
+    rings: int,
+) -> Vector:
+    """Return the height of the coarse ground at each low point; NaN away from all of it.
+
+    The planes (see `grow_patches`) of the point's own patch and of the eight around it are
+    blended by the inverse fourth power of the distance to their centres, its own counting four
+    times.
+    """
+    n = x.shape[0]
+    height = np.full(n, math.nan, np.float64)
+    around = np.empty(9, np.int64)
+    count = 0
+    for i in range(n):
+        # Neighbours in the list of low points often share a patch.
+        if i == 0 or patch[i] != patch[i - 1]:
+            count = 0
+            own_ring = patch[i] % rings
+            for across in range(-1, 2):
+                sector = (patch[i] // rings + across) % patch_sectors
+                for ring in range(max(own_ring - 1, 0), min(own_ring + 2, rings)):
+                    if accepted[sector * rings + ring]:
+                        around[count] = sector * rings + ring
+                        count += 1
+        weights = 0.0
+        weighted = 0.0
+        for q in around[:count]:
+            dx = x[i] - patches[q, 3]
+            dy = y[i] - patches[q, 4]
+            closeness = 1.0 / (0.1 + dx * dx + dy * dy)
+            weight = closeness * closeness
+            if q == patch[i]:
+                weight *= 4.0
+            weights += weight
+            weighted += weight * (patches[q, 0] + patches[q, 1] * dx + patches[q, 2] * dy)
+        if weights > 0.0:
+            height[i] = weighted / weights
+    return height
 
 
 @kernel

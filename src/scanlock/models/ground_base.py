@@ -12,8 +12,8 @@ from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels.ground import sharp_prototypes
 from scanlock.kernels.ground_envelope import lower_envelope
-from scanlock.kernels.ground_model import patch_members, prototype_patches
-from scanlock.kernels.ground_patches import grow_patches, heights_of_patches
+from scanlock.kernels.ground_model import heights_of_patches, patch_members, prototype_patches
+from scanlock.kernels.ground_patches import grow_patches
 from scanlock.models.ground_plane import BasePlane
 from scanlock.models.ground_prototypes import Prototypes
 

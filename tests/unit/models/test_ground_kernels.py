@@ -14,7 +14,8 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels import ground as passes
 from scanlock.kernels import ground_model as on_model
 from scanlock.kernels.ground_envelope import lower_envelope
-from scanlock.kernels.ground_patches import grow_patches, heights_of_patches
+from scanlock.kernels.ground_model import heights_of_patches
+from scanlock.kernels.ground_patches import grow_patches
 from scanlock.kernels.ground_plane import (
     best_triple_plane,
     flattest_direction,
