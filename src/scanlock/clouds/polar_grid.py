@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -54,16 +55,7 @@ class PolarGrid:
     @property
     def edges(self) -> Vector:
         """The (bins + 1,) ranges [m] between bins, from 0 to `max_range`."""
-        ratio = self.max_range / self.first_width
-        excess = self.growth - 1.0
-        # The logarithms keep their digits however little the bins grow.
-        count = ratio if excess == 0.0 else np.log1p(ratio * excess) / np.log1p(excess)
-        steps = np.arange(max(1, math.ceil(count - _SLIVER)) + 1, dtype=np.float64)
-        widths = steps if excess == 0.0 else np.expm1(steps * np.log1p(excess)) / excess
-        edges = self.first_width * widths
-        edges[-1] = self.max_range
-        frozen(edges)
-        return edges
+        return _edges(self.max_range, self.first_width, self.growth)
 
     @property
     def bins(self) -> int:
@@ -75,3 +67,18 @@ class PolarGrid:
         cells = polar_cells(read_only(points), int(self.sectors), self.edges)
         frozen(cells)
         return cells
+
+
+@lru_cache(maxsize=16)
+def _edges(max_range: float, first_width: float, growth: float) -> Vector:
+    """Return the edges of a grid, see there; every scan asks for them several times."""
+    ratio = max_range / first_width
+    excess = growth - 1.0
+    # The logarithms keep their digits however little the bins grow.
+    count = ratio if excess == 0.0 else np.log1p(ratio * excess) / np.log1p(excess)
+    steps = np.arange(max(1, math.ceil(count - _SLIVER)) + 1, dtype=np.float64)
+    widths = steps if excess == 0.0 else np.expm1(steps * np.log1p(excess)) / excess
+    edges = first_width * widths
+    edges[-1] = max_range
+    frozen(edges)
+    return edges

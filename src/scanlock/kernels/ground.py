@@ -12,19 +12,25 @@ _BLOCK = 256
 
 
 @kernel
-def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
-    """Return the row of the lowest point (-1 for none) and the point count of each cell.
+def lowest_in_cells(points: Points, cells: Labels, cell_count: int, least: int) -> Labels:
+    """Return the row of the lowest point of each cell, -1 where a cell holds fewer than `least`.
 
     Of equally low points the one nearer the origin, then the one of smaller x, then of smaller y
     is taken, so that the order of the rows does not matter.
     """
-    count = np.zeros(cell_count, np.int64)
+    n = points.shape[0]
     floor = np.full(cell_count, math.inf, np.float64)
-    for i in range(points.shape[0]):
+    # Neighbours in a scan often share a cell, and each would wait for the one before: the two
+    # halves of the scan take turns.
+    half = n - n // 2
+    for i in range(half):
         if cells[i] >= 0:
             c = np.uint64(cells[i])
-            count[c] += 1
             floor[c] = min(floor[c], points[i, 2])
+        j = i + half
+        if j < n and cells[j] >= 0:
+            c = np.uint64(cells[j])
+            floor[c] = min(floor[c], points[j, 2])
     # Rows are looked for afterwards: minima alone need no branch that is hard to foretell.
     lowest = np.full(cell_count, -1, np.int64)
     for i in range(points.shape[0]):
@@ -42,56 +48,107 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int) -> tuple[Lab
         lead = xj * xj + yj * yj - xi * xi - yi * yi
         if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
             lowest[c] = i
-    return lowest, count
+    if least > 1:
+        count = np.zeros(cell_count, np.int64)
+        for i in range(n):
+            count[np.uint64(max(cells[i], 0))] += cells[i] >= 0
+        for k in range(cell_count):
+            if count[k] < least:
+                lowest[k] = -1
+    return lowest
+
+
+@kernel
+def gathered_prototypes(
+    points: Points, lowest: Labels, sectors: int
+) -> tuple[Points, Vector, Labels, Labels]:
+    """Return the points in rows `lowest`, their ranges, their cells, and where sectors start.
+
+    `lowest` has one row for each cell, sector by sector, -1 for none.
+    """
+    cell_count = lowest.shape[0]
+    bins = cell_count // sectors
+    starts = np.empty(sectors + 1, np.int64)
+    cells = np.empty(cell_count, np.int64)
+    n = 0
+    for s in range(sectors):
+        starts[s] = n
+        for c in range(s * bins, (s + 1) * bins):
+            cells[n] = c
+            n += lowest[c] >= 0
+    starts[sectors] = n
+    low = np.empty((n, 3), np.float64)
+    ranges = np.empty(n, np.float64)
+    for k in range(n):
+        i = lowest[cells[k]]
+        x = points[i, 0]
+        y = points[i, 1]
+        low[k, 0] = x
+        low[k, 1] = y
+        low[k, 2] = points[i, 2]
+        ranges[k] = math.sqrt(x * x + y * y)
+    return low, ranges, cells[:n].copy(), starts
 
 
 @kernel
 def turned_points(points: Points, rotation: Matrix) -> Points:
     """Return ``rotation @ p`` of each point."""
     turned = np.empty(points.shape, np.float64)
+    xx, xy, xz = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    yx, yy, yz = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    zx, zy, zz = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     for i in range(points.shape[0]):
-        for k in range(3):
-            turned[i, k] = (
-                rotation[k, 0] * points[i, 0]
-                + rotation[k, 1] * points[i, 1]
-                + rotation[k, 2] * points[i, 2]
-            )
+        x = points[i, 0]
+        y = points[i, 1]
+        z = points[i, 2]
+        turned[i, 0] = xx * x + xy * y + xz * z
+        turned[i, 1] = yx * x + yy * y + yz * z
+        turned[i, 2] = zx * x + zy * y + zz * z
     return turned
 
 
 @kernel
-def count_low_points(
+def sharp_prototypes(
     points: Points,
+    cell_of_point: Labels,
+    lowest: Points,
     cells: Labels,
-    lowest: Labels,
     plane: Vector,
     near: Vector,
     reach: float,
-) -> tuple[Labels, Labels]:
-    """Return how many points of each cell lie near its lowest one, and within `reach` of that.
+    share: float,
+) -> Mask:
+    """Tell which of the `lowest` points, in `cells`, have the points of their cell close to them.
 
-    Heights are those above `plane`, (a, b, c, d); near is ``near[c]`` metres in cell c, and
-    `reach` a multiple of it.
+    Of the points that rise less than `reach` times `near` above it, a larger share than `share`
+    must rise less than `near`. Heights are those above `plane`, (a, b, c, d); `near` holds metres,
+    one number for each range bin.
     """
-    cell_count = lowest.shape[0]
+    bins = near.shape[0]
+    cell_count = cells[cells.shape[0] - 1] + 1 if cells.shape[0] > 0 else 0
+    # What the points of each cell are compared with: heights at which near, and reach, end.
+    near_end = np.empty(cell_count, np.float64)
+    reach_end = np.empty(cell_count, np.float64)
     close = np.zeros(cell_count, np.int64)
     within = np.zeros(cell_count, np.int64)
-    floor = np.zeros(cell_count, np.float64)
     a = plane[0]
     b = plane[1]
     c = plane[2]
-    for k in range(cell_count):
-        i = lowest[k]
-        if i >= 0:
-            floor[k] = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+    for j in range(cells.shape[0]):
+        floor = a * lowest[j, 0] + b * lowest[j, 1] + c * lowest[j, 2]
+        near_end[cells[j]] = floor + near[cells[j] % bins]
+        reach_end[cells[j]] = floor + reach * near[cells[j] % bins]
     for i in range(points.shape[0]):
-        if cells[i] < 0:
+        if cell_of_point[i] < 0 or cell_of_point[i] >= cell_count:
             continue
-        k = np.uint64(cells[i])
-        rise = a * points[i, 0] + b * points[i, 1] + c * points[i, 2] - floor[k]
-        within[k] += rise < reach * near[k]
-        close[k] += rise < near[k]
-    return close, within
+        k = np.uint64(cell_of_point[i])
+        height = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
+        within[k] += height < reach_end[k]
+        close[k] += height < near_end[k]
+    sharp = np.empty(cells.shape[0], np.bool_)
+    for j in range(cells.shape[0]):
+        sharp[j] = close[cells[j]] > share * within[cells[j]]
+    return sharp
 
 
 @kernel

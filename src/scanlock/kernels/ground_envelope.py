@@ -31,18 +31,76 @@ def is_supported(
     own_sector = cell // bins
     own_bin = cell % bins
     found = 0
-    for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
-        for across in range(sectors - 2, sectors + 3):
-            j = point_of_cell[(own_sector + across) % sectors * bins + k]
+    for across in range(own_sector - 2, own_sector + 3):
+        # Sectors wrap; a division would take as long as all the rest.
+        sector = across + sectors if across < 0 else across
+        sector = sector - sectors if sector >= sectors else sector
+        for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
+            j = point_of_cell[sector * bins + k]
             if j < 0 or j == i:
                 continue
             dx = x[i] - x[j]
             dy = y[i] - y[j]
-            if z[j] < z[i] + slack + slope * math.sqrt(dx * dx + dy * dy):
+            rise = z[j] - z[i] - slack
+            if rise < 0.0 or rise < slope * math.sqrt(dx * dx + dy * dy):
                 found += 1
                 if found == support:
                     return True
     return False
+
+
+@kernel
+def pass_feet_on(
+    lane: Labels,
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    steepest: float,
+    backwards: bool,
+    again: int,
+    foot: Labels,
+    envelope: Vector,
+) -> None:
+    """Pass the foot of its lowest cone on from each low point of a lane to the next.
+
+    `lane` lists rows of low points; the first `again` of the walk are walked over twice. `foot`,
+    -1 for none yet, and `envelope` are brought up to date.
+    """
+    n = lane.shape[0]
+    f = np.int64(-1)
+    for k in range(n + again):
+        step = k if k < n else k - n
+        i = np.uint64(lane[n - 1 - step] if backwards else lane[step])
+        if f >= 0:
+            dx = x[i] - x[np.uint64(f)]
+            dy = y[i] - y[np.uint64(f)]
+            rise = envelope[i] - z[np.uint64(f)]
+            # The longer side spares most roots: hardly any cone is the lowest far from its foot.
+            if rise > steepest * max(abs(dx), abs(dy)):
+                height = z[np.uint64(f)] + steepest * math.sqrt(dx * dx + dy * dy)
+                if height < envelope[i]:
+                    envelope[i] = height
+                    foot[i] = f
+        if foot[i] >= 0:
+            f = foot[i]
+
+
+@kernel
+def rows_of_rings(cells: Labels, bins: int) -> tuple[Labels, Labels]:
+    """Return the rows of low points bin by bin, and where each of the bins starts."""
+    n = cells.shape[0]
+    first = np.zeros(bins + 1, np.int64)
+    for i in range(n):
+        first[cells[i] % bins + 1] += 1
+    for k in range(bins):
+        first[k + 1] += first[k]
+    end = first[:bins].copy()
+    rows = np.empty(n, np.int64)
+    for i in range(n):
+        k = cells[i] % bins
+        rows[end[k]] = i
+        end[k] += 1
+    return rows, first
 
 
 @kernel
@@ -51,7 +109,7 @@ def lower_envelope(
     y: Vector,
     z: Vector,
     cells: Labels,
-    sectors: int,
+    starts: Labels,
     bins: int,
     steepest: float,
     slack: float,
@@ -61,11 +119,13 @@ def lower_envelope(
 
     A cone rises from each with the slope `steepest`; ground that is nowhere steeper lies on the
     envelope of the cones, and what stands on visible ground lies above it. The low points lie
-    one to a polar cell; each passes the foot of its lowest cone on to the next occupied cell,
-    outwards, inwards and around both ways, twice. Low points without `support`
-    others around that are higher by `slack` and half of `steepest` at most have no cone.
+    one to a polar cell, sector s owning the rows ``starts[s]:starts[s + 1]``; each passes the
+    foot of its lowest cone on to the next, outwards, inwards and around both ways, twice. Low
+    points without `support` others around that are higher by `slack` and half of `steepest` at
+    most have no cone.
     """
     n = x.shape[0]
+    sectors = starts.shape[0] - 1
     point_of_cell = np.full(sectors * bins, -1, np.int64)
     for i in range(n):
         point_of_cell[cells[i]] = i
@@ -75,28 +135,18 @@ def lower_envelope(
         if is_supported(i, x, y, z, point_of_cell, cells[i], bins, 0.5 * steepest, slack, support):
             foot[i] = i
             envelope[i] = z[i]
+    rows = np.arange(n)
+    around, first = rows_of_rings(cells, bins)
     for sweep in range(8):
-        along = sweep % 4 < 2
-        lanes = sectors if along else bins
-        # Around a ring one lap and a half, so that the seam is no border.
-        steps = bins if along else sectors + sectors // 2
-        for lane in range(lanes):
-            f = -1
-            for k in range(steps):
-                step = k if sweep % 2 == 0 else steps - 1 - k
-                if not along and step >= sectors:
-                    step -= sectors
-                cell = lane * bins + step if along else step * bins + lane
-                i = point_of_cell[cell]
-                if i < 0:
-                    continue
-                if f >= 0:
-                    dx = x[i] - x[f]
-                    dy = y[i] - y[f]
-                    height = z[f] + steepest * math.sqrt(dx * dx + dy * dy)
-                    if height < envelope[i]:
-                        envelope[i] = height
-                        foot[i] = f
-                if foot[i] >= 0:
-                    f = foot[i]
+        backwards = sweep % 2 == 1
+        if sweep % 4 < 2:
+            for s in range(sectors):
+                lane = rows[starts[s] : starts[s + 1]]
+                pass_feet_on(lane, x, y, z, steepest, backwards, 0, foot, envelope)
+        else:
+            for k in range(bins):
+                lane = around[first[k] : first[k + 1]]
+                # One lap and a half, so that the seam is no border.
+                again = lane.shape[0] // 2
+                pass_feet_on(lane, x, y, z, steepest, backwards, again, foot, envelope)
     return envelope

@@ -195,6 +195,26 @@ def is_sunken(
 
 
 @kernel
+def is_plane(count: int, predicted: int, members: int, occupied: int, roughness: float) -> bool:
+    """Tell whether `count` of the members of a patch make its plane; see `grow_patches`.
+
+    `predicted` of them lie on the predicted plane too; `roughness` is relative to what is allowed.
+    """
+    if count < 2 or 2 * count < members or roughness > 1.0:
+        return False
+    return 2 * predicted >= count or (count >= 6 and count >= 0.6 * occupied and roughness <= 0.7)
+
+
+@kernel
+def mark_around(p: int, patch_sectors: int, rings: int, marks: Mask) -> None:
+    """Mark the patches that are predicted from one, see `predict_patch`."""
+    for across in range(-1, 2):
+        sector = (p // rings + across) % patch_sectors
+        for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
+            marks[sector * rings + ring] = True
+
+
+@kernel
 def grow_patches(
     x: Vector,
     y: Vector,
@@ -223,23 +243,27 @@ def grow_patches(
     patch_count = first.shape[0] - 1
     patches = np.zeros((patch_count, 6), np.float64)
     for p in range(patch_count):
-        for m in range(first[p], first[p + 1]):
-            patches[p, 3] += x[members[m]] / (first[p + 1] - first[p])
-            patches[p, 4] += y[members[m]] / (first[p + 1] - first[p])
+        for i in members[first[p] : first[p + 1]]:
+            patches[p, 3] += x[i]
+            patches[p, 4] += y[i]
+        patches[p, 3:5] /= max(first[p + 1] - first[p], 1)
     accepted = np.zeros(patch_count, np.bool_)
     joining = np.zeros(patch_count, np.bool_)
     gates = np.full(x.shape[0], gate, np.float64)
     prior = np.zeros(6, np.float64)
     fitted = np.zeros(6, np.float64)
+    # A patch that did not join waits until one that predicts it has joined.
+    due = np.ones(patch_count, np.bool_)
     sweep = 0
     sinking = False
     while True:
         joined = 0
         for p in range(patch_count):
-            own = members[first[p] : first[p + 1]]
-            n = own.shape[0]
-            if accepted[p] or n < 2:
+            n = first[p + 1] - first[p]
+            if accepted[p] or n < 2 or not (due[p] or sinking):
                 continue
+            due[p] = False
+            own = members[first[p] : first[p + 1]]
             weight = prior_weight
             if sweep == 0:
                 if not start[p]:
@@ -264,60 +288,20 @@ def grow_patches(
             count, predicted, rms = fit_patch(
                 own, x, y, z, gates, gate, prior, weight, slope_weight, fitted
             )
-            if count < 2 or 2 * count < n or rms > roughness:
-                continue
-            if 2 * predicted < count and (
-                count < 6 or count < 0.6 * occupied[p] or rms > 0.7 * roughness
-            ):
+            if not is_plane(count, predicted, n, occupied[p], rms / roughness):
                 continue
             for c in range(3):
                 patches[p, c] = fitted[c]
             patches[p, 5] = fitted[5]
             joining[p] = True
             joined += 1
-        accepted |= joining
+        for p in range(patch_count):
+            if joining[p]:
+                accepted[p] = True
+                joining[p] = False
+                mark_around(p, patch_sectors, rings, due)
         if joined == 0 and sinking:
             return patches, accepted
         # Lower levels are looked for each time growth along the ground has ended.
         sinking = joined == 0 and sweep > 0
         sweep += 1
-
-
-@kernel
-def heights_of_patches(
-    x: Vector,
-    y: Vector,
-    patch: Labels,
-    patches: Matrix,
-    accepted: Mask,
-    patch_sectors: int,
-    rings: int,
-) -> Vector:
-    """Return the height of the coarse ground at each low point; NaN away from all of it.
-
-    The planes of the point's own patch and of the eight around it are blended by the inverse
-    fourth power of the distance to their centres, its own counting four times.
-    """
-    n = x.shape[0]
-    height = np.full(n, math.nan, np.float64)
-    for i in range(n):
-        own_sector = patch[i] // rings
-        own_ring = patch[i] % rings
-        weights = 0.0
-        weighted = 0.0
-        for across in range(-1, 2):
-            for ring in range(max(own_ring - 1, 0), min(own_ring + 2, rings)):
-                q = ((own_sector + across) % patch_sectors) * rings + ring
-                if not accepted[q]:
-                    continue
-                dx = x[i] - patches[q, 3]
-                dy = y[i] - patches[q, 4]
-                closeness = 1.0 / (0.1 + dx * dx + dy * dy)
-                weight = closeness * closeness
-                if q == patch[i]:
-                    weight *= 4.0
-                weights += weight
-                weighted += weight * (patches[q, 0] + patches[q, 1] * dx + patches[q, 2] * dy)
-        if weights > 0.0:
-            height[i] = weighted / weights
-    return height

@@ -4,8 +4,36 @@ import math
 
 import numpy as np
 
-from scanlock.arrays import Vector
+from scanlock.arrays import Matrix, Points, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
+
+_SWEEPS = 12
+"""Rounds of turns that are far more than enough to make a 3x3 matrix diagonal."""
+
+
+@kernel
+def plane_columns(points: Points, near: float, gate: float, gate_slope: float) -> Matrix:
+    """Return the rows x, y, z, weight and sharpness of low points.
+
+    A weight is in inverse proportion to the range plus `near`, and all sum to one; the sharpness
+    is one over the gate, `gate` plus `gate_slope` times the range.
+    """
+    n = points.shape[0]
+    columns = np.empty((5, n), np.float64)
+    total = 0.0
+    for i in range(n):
+        x = points[i, 0]
+        y = points[i, 1]
+        distance = math.sqrt(x * x + y * y)
+        columns[0, i] = x
+        columns[1, i] = y
+        columns[2, i] = points[i, 2]
+        columns[3, i] = 1.0 / (near + distance)
+        columns[4, i] = 1.0 / (gate + gate_slope * distance)
+        total += columns[3, i]
+    for i in range(n):
+        columns[3, i] /= total
+    return columns
 
 
 @sum_kernel
@@ -43,6 +71,8 @@ def best_triple_plane(
     Only upward normals with ``nz >= least_cosine`` are tried. Score 0 means none was any good.
     """
     n = x.shape[0]
+    half = n // 2
+    rest = weights[half:].sum()
     best = (0.0, 0.0, 1.0, 0.0, 0.0)
     # Steps of the R3 sequence: powers of the root of x**4 = x + 1.
     g = 1.2207440846057596
@@ -70,7 +100,15 @@ def best_triple_plane(
         if nz < least_cosine:
             continue
         d = -(nx * x[i] + ny * y[i] + nz * z[i])
-        score = plane_score(x, y, z, weights, sharpness, nx, ny, nz, d)
+        score = plane_score(
+            x[:half], y[:half], z[:half], weights[:half], sharpness[:half], nx, ny, nz, d
+        )
+        # The second half adds no more than its weights.
+        if score + rest <= best[4]:
+            continue
+        score += plane_score(
+            x[half:], y[half:], z[half:], weights[half:], sharpness[half:], nx, ny, nz, d
+        )
         if score > best[4]:
             best = (nx, ny, nz, d, score)
     return best
@@ -103,3 +141,75 @@ def plane_moments(
         syz += w * y[i] * z[i]
         szz += w * z[i] * z[i]
     return np.array([s0, sx, sy, sz, sxx, sxy, sxz, syy, syz, szz])
+
+
+@kernel
+def flattest_direction(spread: Matrix) -> tuple[float, float, float]:
+    """Return the upward unit eigenvector of the smallest eigenvalue of a symmetric 3x3 matrix.
+
+    Jacobi's method: one element off the diagonal after the other is turned to zero. `spread` is
+    left diagonal.
+    """
+    axes = np.eye(3)
+    for _ in range(_SWEEPS):
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if abs(spread[p, q]) <= 1e-17 * (abs(spread[p, p]) + abs(spread[q, q])):
+                    continue
+                turn = 0.5 * (spread[q, q] - spread[p, p]) / spread[p, q]
+                t = math.copysign(1.0, turn) / (abs(turn) + math.sqrt(turn * turn + 1.0))
+                c = 1.0 / math.sqrt(t * t + 1.0)
+                for k in range(3):
+                    a = spread[k, p]
+                    b = spread[k, q]
+                    spread[k, p] = c * (a - t * b)
+                    spread[k, q] = c * (b + t * a)
+                for k in range(3):
+                    a = spread[p, k]
+                    b = spread[q, k]
+                    spread[p, k] = c * (a - t * b)
+                    spread[q, k] = c * (b + t * a)
+                for k in range(3):
+                    a = axes[k, p]
+                    b = axes[k, q]
+                    axes[k, p] = c * (a - t * b)
+                    axes[k, q] = c * (b + t * a)
+    k = 0
+    for other in range(1, 3):
+        if spread[other, other] < spread[k, k]:
+            k = other
+    sign = 1.0 if axes[2, k] >= 0.0 else -1.0
+    return sign * axes[0, k], sign * axes[1, k], sign * axes[2, k]
+
+
+@kernel
+def refined_plane(
+    x: Vector,
+    y: Vector,
+    z: Vector,
+    weights: Vector,
+    sharpness: Vector,
+    reaches: Vector,
+    nx: float,
+    ny: float,
+    nz: float,
+    d: float,
+) -> tuple[float, float, float, float, float]:
+    """Return (nx, ny, nz, d, score) of a plane after reweighted fits, one for each of `reaches`.
+
+    The score is -inf if no point lies within the reach of one of them.
+    """
+    spread = np.empty((3, 3), np.float64)
+    for reach in reaches:
+        sums = plane_moments(x, y, z, weights, sharpness, reach, nx, ny, nz, d)
+        if sums[0] <= 0.0:
+            return nx, ny, nz, d, -math.inf
+        k = 4
+        for p in range(3):
+            for q in range(p, 3):
+                mean_product = sums[1 + p] / sums[0] * (sums[1 + q] / sums[0])
+                spread[p, q] = spread[q, p] = sums[k] / sums[0] - mean_product
+                k += 1
+        nx, ny, nz = flattest_direction(spread)
+        d = -(nx * sums[1] + ny * sums[2] + nz * sums[3]) / sums[0]
+    return nx, ny, nz, d, plane_score(x, y, z, weights, sharpness, nx, ny, nz, d)

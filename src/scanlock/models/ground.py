@@ -17,6 +17,7 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground import split_by_knots, turned_points
+from scanlock.kernels.ground_model import extent
 from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import fit_base_surface
 from scanlock.models.ground_model import knots_of_model, modelled_heights
@@ -187,7 +188,8 @@ class GroundFinder:
             knots_of_model(prototypes, modelled, base.sharp, self.height_limit),
             self.height_limit,
         )
-        doubt = self._doubt_about(prototypes.points[accepted], len(accepted), close, near)
+        count, breadth, sectors = extent(prototypes.points, read_only(accepted), prototypes.starts)
+        doubt = self._doubt_about(count, len(accepted), breadth, close, near)
         if doubt:
             return Ground.none(len(cloud), doubt)
         tilted = tilt > self.level_tilt
@@ -196,11 +198,11 @@ class GroundFinder:
             is_below=is_below,
             height=height,
             status=GroundStatus.TILTED if tilted else GroundStatus.FOUND,
-            reason=f"{accepted.mean():.0%} of the lowest points of all cells are ground"
+            reason=f"{count / len(accepted):.0%} of the lowest points of all cells are ground"
             + (f", {math.degrees(tilt):.0f} degrees off the z axis" if tilted else ""),
             plane=np.append(up, plane.offset),
             sensor_height=math.nan if cloud.origin.any() else plane.offset,
-            sectors=prototypes.sectors_of(accepted),
+            sectors=sectors,
         )
 
     def _upright(self, points: Points) -> tuple[Points, Matrix, Prototypes, BasePlane | None]:
@@ -218,15 +220,16 @@ class GroundFinder:
             plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
         return points, rotation, prototypes, plane
 
-    def _doubt_about(self, ground: Points, prototypes: int, close: int, near: int) -> str:
-        """Return why these ground prototypes are no ground; empty if nothing speaks against it.
+    def _doubt_about(
+        self, count: int, prototypes: int, breadth: float, close: int, near: int
+    ) -> str:
+        """Return why `count` ground prototypes are no ground; empty if nothing speaks against it.
 
-        Of `near` points within three limits of the model, `close` lie within one.
+        They spread by `breadth` [m] at least. Of `near` points within three limits of the model,
+        `close` lie within one.
         """
-        if len(ground) < max(_LEAST_PROTOTYPES, self.min_support * prototypes):
-            return f"only {len(ground)} of the {prototypes} lowest points lie on a common surface"
-        level = ground[:, :2] - ground[:, :2].mean(axis=0)
-        breadth = math.sqrt(max(np.linalg.eigvalsh(level.T @ level)[0], 0.0) / len(ground))
+        if count < max(_LEAST_PROTOTYPES, self.min_support * prototypes):
+            return f"only {count} of the {prototypes} lowest points lie on a common surface"
         if breadth < _LEAST_BREADTH:
             return f"the lowest points lie along a line, {breadth:.2f} m wide"
         if close < self.min_sharpness * near:

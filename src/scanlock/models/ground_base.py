@@ -10,9 +10,10 @@ import numpy as np
 
 from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.kernels.ground import count_low_points
+from scanlock.kernels.ground import sharp_prototypes
 from scanlock.kernels.ground_envelope import lower_envelope
-from scanlock.kernels.ground_patches import grow_patches, heights_of_patches
+from scanlock.kernels.ground_model import heights_of_patches, patch_members, prototype_patches
+from scanlock.kernels.ground_patches import grow_patches
 from scanlock.models.ground_plane import BasePlane
 from scanlock.models.ground_prototypes import Prototypes
 
@@ -90,32 +91,51 @@ def fit_base_surface(
     x, y, z = (
         read_only(column) for column in (prototypes.points[:, 0], prototypes.points[:, 1], heights)
     )
-    sharp = _sharp(points, prototypes, plane, grid)
+    sharp = sharp_prototypes(
+        read_only(points),
+        prototypes.cell_of_point,
+        prototypes.points,
+        prototypes.cells,
+        plane.coefficients,
+        read_only(_SHARP_HEIGHT + _SHARP_SLOPE * np.diff(grid.edges)),
+        _SHARP_REACH,
+        _SHARP_SHARE,
+    )
     envelope = lower_envelope(
-        x, y, z, prototypes.cells, int(grid.sectors), prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
+        x, y, z, prototypes.cells, prototypes.starts, prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
     )
     # Reflections below the ground must not take the ground around them away.
-    on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | (np.abs(heights) < _GATE)
-    sectors = min(_PATCH_SECTORS, int(grid.sectors))
-    ring = np.floor(
-        np.log(np.maximum(prototypes.ranges / _FIRST_RING, 1.0)) / np.log(_RING_GROWTH)
-    ).astype(np.int64)
-    rings = int(ring.max(initial=0)) + 1
-    patch = prototypes.cells // prototypes.bins * sectors // int(grid.sectors) * rings + ring
-    count = sectors * rings
-    members = np.flatnonzero(sharp & on_envelope)
-    members = members[np.argsort(patch[members], kind="stable")]
-    own = patch[members]
-    sizes = np.bincount(own, minlength=count)
-    on_plane = np.bincount(own[np.abs(heights[members]) < _GATE], minlength=count)
+    on_plane = np.abs(heights) < _GATE
+    on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | on_plane
+    return BaseSurface(
+        _patched_heights(x, y, z, sharp & on_envelope, on_plane, prototypes), sharp, on_envelope
+    )
+
+
+def _patched_heights(
+    x: Vector, y: Vector, z: Vector, firm: Mask, on_plane: Mask, prototypes: Prototypes
+) -> Vector:
+    """Return the height of the coarse ground at each prototype from the patches of the firm."""
+    sectors = min(_PATCH_SECTORS, len(prototypes.starts) - 1)
+    patch, rings = prototype_patches(
+        prototypes.ranges, prototypes.starts, sectors, _FIRST_RING, _RING_GROWTH
+    )
+    members, first, occupied, start = patch_members(
+        read_only(patch),
+        sectors * rings,
+        read_only(firm),
+        read_only(on_plane),
+        _START_SHARE,
+        _START_COUNT,
+    )
     patches, accepted = grow_patches(
         x,
         y,
         z,
         read_only(members),
-        read_only(np.concatenate([[0], np.cumsum(sizes)])),
-        read_only(np.bincount(patch, minlength=count)),
-        read_only((on_plane >= _START_SHARE * sizes) & (on_plane >= _START_COUNT)),
+        read_only(first),
+        read_only(occupied),
+        read_only(start),
         sectors,
         rings,
         _GATE,
@@ -124,21 +144,6 @@ def fit_base_surface(
         _PRIOR_WEIGHT * (_POINT_DEVIATION / _SLOPE_DEVIATION) ** 2,
         _ROUGHNESS,
     )
-    height = heights_of_patches(
+    return heights_of_patches(
         x, y, read_only(patch), read_only(patches), read_only(accepted), sectors, rings
     )
-    return BaseSurface(height, sharp, on_envelope)
-
-
-def _sharp(points: Points, prototypes: Prototypes, plane: BasePlane, grid: PolarGrid) -> Mask:
-    """Tell which prototypes lie in cells that are flat at their lowest end."""
-    widths = np.tile(np.diff(grid.edges), int(grid.sectors))
-    close, within = count_low_points(
-        read_only(points),
-        prototypes.cell_of_point,
-        prototypes.lowest,
-        plane.coefficients,
-        read_only(_SHARP_HEIGHT + _SHARP_SLOPE * widths),
-        _SHARP_REACH,
-    )
-    return close[prototypes.cells] > _SHARP_SHARE * within[prototypes.cells]

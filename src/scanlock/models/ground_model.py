@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from scanlock.arrays import Mask, Matrix, Vector, frozen
+from scanlock.arrays import Mask, Matrix, Vector, frozen, read_only
+from scanlock.kernels.ground_model import knots_between_prototypes, seeds_on_base
 from scanlock.models.gaussian_process import GaussianProcess, Lending
 from scanlock.models.ground_base import BaseSurface
 from scanlock.models.ground_plane import BasePlane
@@ -35,13 +36,16 @@ def modelled_heights(
     sectors to its sides lend their heights, with a variance that grows with the distance
     across, and it grows again.
     """
-    known = np.isfinite(base.height)
-    heights = plane.heights(prototypes.points) - base.height
-    firm = base.sharp & base.on_envelope
-    with np.errstate(invalid="ignore"):
-        seeds = (np.abs(heights) < seed_height) & (prototypes.ranges < seed_range)
-        seeds &= firm | (base.on_envelope & (np.abs(heights) < BLUNT_LIMIT))
-
+    heights, seeds, caps = seeds_on_base(
+        read_only(plane.heights(prototypes.points)),
+        base.height,
+        prototypes.ranges,
+        base.sharp,
+        base.on_envelope,
+        float(seed_height),
+        float(seed_range),
+        BLUNT_LIMIT,
+    )
     accepted, mean, variance = process.consensus(
         prototypes.starts,
         prototypes.ranges,
@@ -49,11 +53,12 @@ def modelled_heights(
         seeds,
         variance_limit=variance_limit,
         residual_limit=residual_limit,
-        caps=np.where(base.sharp, np.inf, BLUNT_LIMIT),
+        caps=caps,
         lending=lending,
     )
-    mean[(variance >= variance_limit) | ~known] = np.nan
-    return accepted, mean + base.height
+    modelled = mean + base.height
+    modelled[variance >= variance_limit] = np.nan
+    return accepted, modelled
 
 
 def knots_of_model(
@@ -64,20 +69,16 @@ def knots_of_model(
     `modelled` is the (n,) height of the model above the base plane at each prototype, NaN for
     none; in cells that are not `sharp` (n,), ground lies closer to it than `height_limit` [m].
     """
-    with np.errstate(invalid="ignore"):
-        slopes = np.diff(modelled) / np.maximum(np.diff(prototypes.ranges), _LEAST_STEP)
-    slopes[prototypes.starts[1:-1][_inner(prototypes)] - 1] = np.nan
-    slopes = np.nan_to_num(np.concatenate([[0.0], slopes, [0.0]]))
-    limits = np.where(sharp, height_limit, min(height_limit, BLUNT_LIMIT))
-    knots = np.full((len(prototypes.lowest), 5), np.nan)
-    knots[prototypes.cells] = np.stack(
-        [prototypes.ranges, modelled, slopes[:-1], slopes[1:], limits], axis=1
+    knots = knots_between_prototypes(
+        prototypes.ranges,
+        read_only(modelled),
+        prototypes.cells,
+        prototypes.starts,
+        sharp,
+        len(prototypes.lowest),
+        _LEAST_STEP,
+        float(height_limit),
+        BLUNT_LIMIT,
     )
     frozen(knots)
     return knots
-
-
-def _inner(prototypes: Prototypes) -> Mask:
-    """Tell which starts of sectors have prototypes before and after them."""
-    starts = prototypes.starts[1:-1]
-    return (starts > 0) & (starts < len(prototypes.ranges))

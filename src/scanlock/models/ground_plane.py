@@ -1,11 +1,12 @@
 """The base plane: a coarse ground that needs no guess of the sensor's height."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, frozen
-from scanlock.kernels.ground_plane import best_triple_plane, plane_moments, plane_score
+from scanlock.arrays import Points, Vector, frozen, read_only
+from scanlock.kernels.ground_plane import best_triple_plane, plane_columns, refined_plane
 
 _TRIPLES = 1000
 """Planes tried (ours); with a fifth of the low points on the ground, eight of them lie on it."""
@@ -13,7 +14,7 @@ _TRIPLES = 1000
 _SCORED = 700
 """Low points that score each of those planes (ours)."""
 
-_REACHES = (2.0, 1.5, 1.0, 1.0)
+_REACHES = read_only(np.array([2.0, 1.5, 1.0, 1.0]))
 """Gates, narrowing, of the reweighted fits that refine the best plane (ours)."""
 
 _GATE, _GATE_SLOPE = 0.2, 0.02
@@ -31,32 +32,33 @@ class BasePlane:
 
     Attributes
     ----------
-    normal : (3,)
-        Unit vector, upwards.
-    offset : float [m]
-        Height of the origin above the plane.
+    coefficients : (4,)
+        Height above the plane as ``a x + b y + c z + d``: the unit normal, upwards, and `offset`.
     support : float
         Weighted share of the low points on the plane, less half that of those beneath it.
     """
 
-    normal: Vector
-    offset: float
+    coefficients: Vector
     support: float
 
     def __post_init__(self) -> None:
-        frozen(self.normal)
+        frozen(self.coefficients)
 
     @property
-    def coefficients(self) -> Vector:
-        """(4,): height above the plane as ``a x + b y + c z + d``."""
-        coefficients = np.append(self.normal, self.offset)
-        frozen(coefficients)
-        return coefficients
+    def normal(self) -> Vector:
+        """(3,): unit vector, upwards."""
+        return self.coefficients[:3]
+
+    @property
+    def offset(self) -> float:
+        """Height of the origin above the plane [m]."""
+        return float(self.coefficients[3])
 
     @property
     def tilt(self) -> float:
         """Angle between the normal and the z axis [rad]."""
-        return float(np.arctan2(np.hypot(self.normal[0], self.normal[1]), self.normal[2]))
+        x, y, z = self.normal
+        return math.atan2(math.hypot(x, y), z)
 
     def heights(self, points: Points) -> Vector:
         """Return the (n,) heights [m] of points above the plane."""
@@ -73,31 +75,18 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     n = len(low_points)
     if n < 3:
         return None
-    ranges = np.hypot(low_points[:, 0], low_points[:, 1])
-    nearness = 1.0 / (_NEAR + ranges)
-    columns = np.stack(
-        [*low_points.T, nearness / nearness.sum(), 1.0 / (_GATE + _GATE_SLOPE * ranges)]
-    )
+    columns = plane_columns(read_only(low_points), _NEAR, _GATE, _GATE_SLOPE)
     sample = np.ascontiguousarray(columns[:, :: max(1, n // _SCORED)])
     frozen(columns)
-    x, y, z, weights, sharpness = columns
     frozen(sample)
+    x, y, z, weights, sharpness = sample
     nx, ny, nz, d, score = best_triple_plane(
-        sample[0], sample[1], sample[2], sample[3], sample[4], _TRIPLES, float(np.cos(max_tilt))
+        x, y, z, weights, sharpness, _TRIPLES, math.cos(max_tilt)
     )
     if score <= 0.0:
         return None
-    normal = np.array([nx, ny, nz])
-    for reach in _REACHES:
-        sums = plane_moments(x, y, z, weights, sharpness, reach, nx, ny, nz, d)
-        if sums[0] <= 0.0:
-            return None
-        mean = sums[1:4] / sums[0]
-        xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
-        second = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        _, axes = np.linalg.eigh(second - np.outer(mean, mean))
-        normal = axes[:, 0] if axes[2, 0] >= 0.0 else -axes[:, 0]
-        nx, ny, nz = (float(part) for part in normal)
-        d = -float(normal @ mean)
-    score = plane_score(x, y, z, weights, sharpness, nx, ny, nz, d)
-    return BasePlane(normal, d, max(score, 0.0))
+    x, y, z, weights, sharpness = columns
+    nx, ny, nz, d, score = refined_plane(x, y, z, weights, sharpness, _REACHES, nx, ny, nz, d)
+    if score == -math.inf:
+        return None
+    return BasePlane(np.array([nx, ny, nz, d]), max(score, 0.0))

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.kernels.ground import lowest_in_cells
+from scanlock.kernels.ground import gathered_prototypes, lowest_in_cells
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +23,7 @@ class Prototypes:
     cell_of_point : (m,)
         The cell of every point of the cloud, -1 outside the grid.
     lowest : (sectors * bins,)
-        The row of the lowest point of every cell, -1 for none.
+        The row of the lowest point of every cell, -1 where there is no prototype.
     bins : int
         Range bins of the grid.
     """
@@ -49,20 +47,7 @@ class Prototypes:
         """Return the prototypes of the cells with at least `min_points` points."""
         sectors, bins = int(grid.sectors), grid.bins
         cell_of_point = grid.cells(points)
-        lowest, count = lowest_in_cells(read_only(points), cell_of_point, sectors * bins)
-        cells = np.flatnonzero(count >= min_points)
-        low = points[lowest[cells]]
-        return cls(
-            points=low,
-            ranges=np.hypot(low[:, 0], low[:, 1]),
-            cells=cells,
-            starts=np.searchsorted(cells, np.arange(sectors + 1) * bins),
-            cell_of_point=cell_of_point,
-            lowest=lowest,
-            bins=bins,
-        )
-
-    def sectors_of(self, chosen: Mask) -> int:
-        """Return how many sectors hold a chosen prototype."""
-        before = np.concatenate([[0], np.cumsum(chosen)])
-        return int(np.count_nonzero(np.diff(before[self.starts])))
+        lowest = lowest_in_cells(read_only(points), cell_of_point, sectors * bins, int(min_points))
+        frozen(lowest)
+        low, ranges, cells, starts = gathered_prototypes(read_only(points), lowest, sectors)
+        return cls(low, ranges, cells, starts, cell_of_point, lowest, bins)

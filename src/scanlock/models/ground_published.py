@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from scanlock.arrays import Matrix, frozen
+from scanlock.arrays import Matrix, frozen, read_only
+from scanlock.kernels.ground_model import extent
 from scanlock.models.gaussian_process import GaussianProcess
 from scanlock.models.ground_prototypes import Prototypes
 
@@ -48,4 +49,5 @@ def published_knots(
     knots[:, 1] = np.nan
     knots[prototypes.cells[accepted], 1] = prototypes.points[accepted, 2]
     frozen(knots)
-    return knots, prototypes.sectors_of(accepted)
+    _, _, sectors = extent(prototypes.points, read_only(accepted), prototypes.starts)
+    return knots, sectors

@@ -1,15 +1,29 @@
 """The loops of ground segmentation against their slow twins."""
 
+import itertools
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from reference import ground as slow
 from scanlock.arrays import read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels import ground as passes
+from scanlock.kernels import ground_model as on_model
 from scanlock.kernels.ground_envelope import lower_envelope
-from scanlock.kernels.ground_patches import grow_patches, heights_of_patches
-from scanlock.kernels.ground_plane import best_triple_plane, plane_moments, plane_score
+from scanlock.kernels.ground_model import heights_of_patches
+from scanlock.kernels.ground_patches import grow_patches
+from scanlock.kernels.ground_plane import (
+    best_triple_plane,
+    flattest_direction,
+    plane_columns,
+    plane_moments,
+    plane_score,
+    refined_plane,
+)
 from scanlock.models.ground_plane import fit_base_plane
 
 _GRID = PolarGrid(sectors=24, max_range=30.0, first_width=1.0, growth=1.08)
@@ -29,10 +43,15 @@ def _low(seed):
     """Low points of the hills, and what the kernels want to know of them."""
     points = _hills(seed)
     cells = _GRID.cells(points)
-    lowest, _ = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins)
+    lowest = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     low = points[lowest[own]]
     return [read_only(column) for column in low.T], read_only(own), low
+
+
+def _starts(cells):
+    """Where the cells of each sector start."""
+    return read_only(np.searchsorted(cells, np.arange(_GRID.sectors + 1) * _GRID.bins))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -42,19 +61,29 @@ def test_lowest_points_and_counts(seed):
     points = read_only(np.vstack([points, points[:50]]))
     cells = _GRID.cells(points)
     count = _GRID.sectors * _GRID.bins
-    lowest, filled = passes.lowest_in_cells(points, cells, count)
-    expected = slow.lowest_in_cells(points, cells, count)
-    held = lowest >= 0
-    assert (held == (expected[0] >= 0)).all()
-    assert (points[lowest[held]] == points[expected[0][held]]).all()
-    assert (filled == expected[1]).all()
+    expected, filled = slow.lowest_in_cells(points, cells, count)
+    for least in (4, 1):
+        lowest = passes.lowest_in_cells(points, cells, count, least)
+        held = lowest >= 0
+        assert 0 < held.sum() < count
+        assert (held == (filled >= least)).all()
+        assert (points[lowest[held]] == points[expected[held]]).all()
+
+    low, ranges, own, starts = passes.gathered_prototypes(points, read_only(lowest), _GRID.sectors)
+    assert (own == np.flatnonzero(lowest >= 0)).all()
+    assert (low == points[lowest[own]]).all()
+    assert np.allclose(ranges, np.hypot(*low[:, :2].T), rtol=1e-15)
+    assert (starts == np.searchsorted(own, np.arange(_GRID.sectors + 1) * _GRID.bins)).all()
 
     plane = read_only(np.array([0.05, -0.02, 0.99, 1.0]))
-    near = read_only(np.random.default_rng(seed).uniform(0.1, 0.5, count))
-    found = passes.count_low_points(points, cells, read_only(lowest), plane, near, 3.0)
-    expected = slow.low_counts(points, cells, lowest, plane, near, 3.0)
-    assert (found[0] == expected[0]).all()
-    assert (found[1] == expected[1]).all()
+    near = read_only(np.random.default_rng(seed).uniform(0.1, 0.5, _GRID.bins))
+    found = passes.sharp_prototypes(
+        points, cells, read_only(low), read_only(own), plane, near, 3.0, 0.6
+    )
+    wide = np.tile(near, _GRID.sectors)
+    close, within = slow.low_counts(points, cells, lowest, plane, wide, 3.0)
+    assert (found == (close > 0.6 * within)[own]).all()
+    assert 0 < found.sum() < len(found)
 
 
 def test_heights_above_knots_are_broken_lines():
@@ -93,7 +122,7 @@ def test_turned_points():
 @pytest.mark.parametrize("seed", range(3))
 def test_the_lower_envelope_is_that_of_all_cones(seed):
     (x, y, z), cells, _ = _low(seed)
-    found = lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
+    found = lower_envelope(x, y, z, cells, _starts(cells), _GRID.bins, 0.6, 0.1, 3)
     exact = slow.lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
     # Cones are passed on from cell to cell: one may be lost on the way, none is invented.
     assert (found >= exact - 1e-12).all()
@@ -108,10 +137,10 @@ def test_a_few_stray_reflections_take_no_ground_away_but_a_lower_level_does(coun
     nearest = np.argsort(np.linalg.norm(points - [15, 3, 0], axis=1))
     points[nearest[:count], 2] = -4.0
     cells = _GRID.cells(points)
-    lowest, _ = passes.lowest_in_cells(read_only(points), cells, _GRID.sectors * _GRID.bins)
+    lowest = passes.lowest_in_cells(read_only(points), cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     x, y, z = (read_only(column) for column in points[lowest[own]].T)
-    above = z - lower_envelope(x, y, z, read_only(own), 24, _GRID.bins, 0.6, 0.1, 3)
+    above = z - lower_envelope(x, y, z, read_only(own), _starts(own), _GRID.bins, 0.6, 0.1, 3)
     assert ((above > 0.25).sum() > 20) == hides
 
 
@@ -121,6 +150,11 @@ def test_plane_scores_and_moments():
     weights, gates = rng.random(400), rng.uniform(0.2, 0.6, 400)
     normal = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
     columns = [read_only(column) for column in (*low.T, weights, 1 / gates)]
+    measured = plane_columns(read_only(low), 10.0, 0.2, 0.02)
+    ranges = np.hypot(*low[:, :2].T)
+    nearness = 1 / (10 + ranges)
+    direct = [*low.T, nearness / nearness.sum(), 1 / (0.2 + 0.02 * ranges)]
+    assert np.allclose(measured, direct, rtol=1e-13)
     found = plane_score(*columns, *normal, 0.1)
     assert found == pytest.approx(slow.plane_score(low, weights, gates, normal, 0.1))
 
@@ -132,6 +166,26 @@ def test_plane_scores_and_moments():
     expected, offset = slow.biweight_plane(low, weights, gates, 1.5, normal, 0.1)
     assert np.allclose(up * np.sign(up[2]), expected, atol=1e-9)
     assert -(up * np.sign(up[2])) @ mean == pytest.approx(offset)
+    once = refined_plane(*columns, read_only(np.array([1.5])), *normal, 0.1)
+    assert np.allclose(once[:4], [*expected, offset], atol=1e-9)
+    assert once[4] == pytest.approx(slow.plane_score(low, weights, gates, expected, offset))
+    missed = refined_plane(*columns, read_only(np.array([1.5])), *normal, 90.0)
+    assert missed[4] == -np.inf
+
+
+@given(
+    arrays(np.float64, (6, 3), elements=st.floats(-3, 3)),
+    st.sampled_from([1.0, 1e-9, 1e9]),
+)
+def test_the_flattest_direction_is_the_eigenvector_of_the_smallest_eigenvalue(rows, scale):
+    spread = rows.T @ rows * scale
+    values, axes = np.linalg.eigh(spread)
+    found = np.array(flattest_direction(spread.copy()))
+    assert np.linalg.norm(found) == pytest.approx(1)
+    assert found[2] >= 0
+    assert found @ spread @ found == pytest.approx(values[0], abs=1e-13 * values[2])
+    if values[1] - values[0] > 1e-3 * values[2]:
+        assert abs(found @ axes[:, 0]) == pytest.approx(1)
 
 
 def test_the_best_triple_is_the_plane_that_most_points_share():
@@ -184,11 +238,81 @@ def test_patches_grow_as_defined(seed):
     assert np.allclose(heights, blended, atol=1e-9, equal_nan=True)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_members_of_patches(seed):
+    rng = np.random.default_rng(seed)
+    _, cells, low = _low(seed)
+    ranges = np.hypot(*low[:, :2].T)
+    patch, rings = on_model.prototype_patches(read_only(ranges), _starts(cells), 8, 2.0, 1.3)
+    ring = np.floor(np.log(np.maximum(ranges / 2, 1)) / np.log(1.3)).astype(int)
+    assert rings == ring.max() + 1
+    assert (patch == cells // _GRID.bins * 8 // _GRID.sectors * rings + ring).all()
+
+    chosen, on_plane = rng.random(len(low)) < 0.7, rng.random(len(low)) < 0.6
+    members, first, occupied, start = on_model.patch_members(
+        read_only(patch), 8 * rings, read_only(chosen), read_only(on_plane), 0.6, 3
+    )
+    for p in range(8 * rings):
+        own = np.flatnonzero(chosen & (patch == p))
+        assert members[first[p] : first[p + 1]].tolist() == own.tolist()
+        assert occupied[p] == (patch == p).sum()
+        assert start[p] == (on_plane[own].sum() >= max(0.6 * len(own), 3))
+    assert 0 < start.sum() < len(start)
+
+
+def test_seeds_lie_on_the_envelope_and_near_the_base():
+    rng = np.random.default_rng(3)
+    heights, base = rng.uniform(-0.5, 0.5, (2, 300))
+    base[::7] = np.nan
+    ranges = rng.uniform(0, 60, 300)
+    sharp, on_envelope = rng.random((2, 300)) < 0.6
+    columns = [read_only(array) for array in (heights, base, ranges, sharp, on_envelope)]
+    above, seeds, caps = on_model.seeds_on_base(*columns, 0.3, 50.0, 0.15)
+    assert np.array_equal(above, heights - base, equal_nan=True)
+    assert caps.tolist() == np.where(sharp, np.inf, 0.15).tolist()
+    near = np.abs(above) < np.where(sharp, 0.3, 0.15)
+    assert seeds.tolist() == (near & on_envelope & (ranges < 50)).tolist()
+    assert 0 < seeds.sum() < 300
+
+
+def test_knots_join_the_prototypes_of_each_sector():
+    cells = read_only(np.array([0, 2, 3, 8, 9, 11]))
+    starts = read_only(np.array([0, 3, 3, 6]))
+    ranges = read_only(np.array([0.5, 2.5, 3.5, 0.5, 0.5001, 3.0]))
+    modelled = read_only(np.array([0.0, 1.0, np.nan, 2.0, 2.1, 1.1]))
+    sharp = read_only(np.array([True, True, False, False, True, True]))
+    knots = on_model.knots_between_prototypes(
+        ranges, modelled, cells, starts, sharp, 12, 1e-3, 0.25, 0.15
+    )
+    slopes = [(0, 0.5), (0.5, 0), (0, 0), (0, 100), (100, -1 / 2.4999), (-1 / 2.4999, 0)]
+    expected = np.full((12, 5), np.nan)
+    expected[cells] = np.column_stack(
+        [ranges, modelled, np.array(slopes), np.where(sharp, 0.25, 0.15)]
+    )
+    assert np.allclose(knots, expected, rtol=1e-12, equal_nan=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_extent_of_chosen_points(seed):
+    _, cells, low = _low(seed)
+    low = low * [1.0, 0.1, 1.0] @ np.linalg.qr(np.diag([1, 1, 0]) + 0.3)[0]
+    starts = _starts(cells)
+    chosen = (np.arange(len(low)) % 5 == 0) & (np.arange(len(low)) > starts[4])
+    count, breadth, sectors = on_model.extent(read_only(low), read_only(chosen), starts)
+    assert count == chosen.sum()
+    spread = np.cov(low[chosen, :2].T, bias=True)
+    assert breadth == pytest.approx(np.sqrt(np.linalg.eigvalsh(spread)[0]))
+    assert sectors == sum(chosen[a:b].any() for a, b in itertools.pairwise(starts))
+    nothing = read_only(np.zeros(len(low), dtype=bool))
+    assert on_model.extent(read_only(low), nothing, starts) == (0, 0.0, 0)
+
+
 def test_one_compiled_form_serves_all():
     for kernel in (
-        passes.lowest_in_cells, passes.count_low_points,
+        passes.lowest_in_cells, passes.gathered_prototypes, passes.sharp_prototypes,
         passes.split_by_knots, passes.turned_points,
-
-        lower_envelope, grow_patches, heights_of_patches, best_triple_plane, plane_moments,
+        lower_envelope, grow_patches, heights_of_patches, best_triple_plane, refined_plane,
+        plane_columns, on_model.prototype_patches, on_model.patch_members, on_model.seeds_on_base,
+        on_model.knots_between_prototypes, on_model.extent,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel
