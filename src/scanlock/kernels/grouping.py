@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scanlock.arrays import Labels, Mask
+from scanlock.arrays import Labels, Mask, Points
 from scanlock.kernels._compile import kernel
 
 
@@ -60,6 +60,28 @@ def touching_cells(occupied: Labels, sectors: int, bins: int) -> tuple[Labels, L
                 second[found] = other
                 found += 1
     return first[:found].copy(), second[:found].copy()
+
+
+@kernel
+def close_pairs(points: Points, first: Labels, second: Labels, limit: float) -> Mask:
+    """Return whether the points of each pair of rows are less than a limit apart."""
+    are_close = np.empty(first.shape[0], np.bool_)
+    for m in range(first.shape[0]):
+        a, b = first[m], second[m]
+        dx = points[a, 0] - points[b, 0]
+        dy = points[a, 1] - points[b, 1]
+        dz = points[a, 2] - points[b, 2]
+        are_close[m] = dx * dx + dy * dy + dz * dz < limit * limit
+    return are_close
+
+
+@kernel
+def regrouped(labels: Labels, groups: Labels) -> Labels:
+    """Return the group of each row, given that of each label; -1 stays -1."""
+    found = np.empty(labels.shape[0], np.int64)
+    for i in range(labels.shape[0]):
+        found[i] = groups[labels[i]] if labels[i] >= 0 else -1
+    return found
 
 
 @kernel

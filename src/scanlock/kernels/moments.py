@@ -7,12 +7,10 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def labelled_moments(points: Points, labels: Labels, parts: int) -> tuple[Labels, Matrix, Matrix]:
-    """Return count (k,), mean (k, 3) and covariance (k, 6) of the points under each label.
+def labelled_means(points: Points, labels: Labels, parts: int) -> tuple[Labels, Matrix]:
+    """Return count (k,) and mean (k, 3) of the points under each label.
 
-    Covariances are packed as xx, xy, xz, yy, yz, zz and divided by the count. Two passes, so
-    that parts far from zero lose no digits. Negative labels are skipped; an empty part has
-    zero moments.
+    Negative labels are skipped; an empty part has a zero mean.
     """
     counts = np.zeros(parts, np.int64)
     means = np.zeros((parts, 3))
@@ -28,7 +26,18 @@ def labelled_moments(points: Points, labels: Labels, parts: int) -> tuple[Labels
         if counts[k] > 0:
             for a in range(3):
                 means[k, a] /= counts[k]
+    return counts, means
 
+
+@kernel
+def labelled_moments(points: Points, labels: Labels, parts: int) -> tuple[Labels, Matrix, Matrix]:
+    """Return count (k,), mean (k, 3) and covariance (k, 6) of the points under each label.
+
+    Covariances are packed as xx, xy, xz, yy, yz, zz and divided by the count. Two passes, so
+    that parts far from zero lose no digits. Negative labels are skipped; an empty part has
+    zero moments.
+    """
+    counts, means = labelled_means(points, labels, parts)
     covariances = np.zeros((parts, 6))
     for i in range(points.shape[0]):
         k = labels[i]

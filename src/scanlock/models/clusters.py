@@ -7,6 +7,7 @@ connected component of the graph of combinable neighbours, whatever the seed and
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -16,14 +17,50 @@ from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import require_at_least, require_fraction, require_positive
 from scanlock.kernels.cutting import cut_by_extent
-from scanlock.kernels.grouping import joined_groups, occupied_cells, touching_cells
+from scanlock.kernels.grouping import (
+    close_pairs,
+    joined_groups,
+    occupied_cells,
+    regrouped,
+    touching_cells,
+)
+from scanlock.kernels.moments import labelled_means
 from scanlock.models.gaussians import Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class Bins:
+    """Points in bins, none of them empty, and what a test may ask of the bins.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    labels : (n,)
+        The bin of each point, -1 for none.
+    count : int
+        Number k of bins.
+    """
+
+    points: Points
+    labels: Labels
+    count: int
+
+    @cached_property
+    def means(self) -> Points:
+        """The (k, 3) means [m]; much cheaper than all of the Gaussians."""
+        _, means = labelled_means(read_only(self.points), read_only(self.labels), self.count)
+        return read_only(means)
+
+    @cached_property
+    def gaussians(self) -> Gaussians:
+        """The k Gaussians."""
+        return Gaussians.from_labels(self.points, self.labels)
 
 
 class MergeTest(Protocol):
     """Phi: whether the points of two bins can be combined."""
 
-    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
         ...
 
@@ -38,10 +75,9 @@ class MeanDistance:
     def __post_init__(self) -> None:
         require_positive("limit", self.limit, unit="m")
 
-    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
-        gap = bins.means[first] - bins.means[second]
-        return np.einsum("mi,mi->m", gap, gap) < self.limit**2
+        return close_pairs(bins.means, read_only(first), read_only(second), float(self.limit))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,9 +99,9 @@ class L2Distance:
         require_fraction("least_correlation", self.least_correlation)
         require_positive("deviation_floor", self.deviation_floor, unit="m")
 
-    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
-        floored = bins.floored(self.deviation_floor)
+        floored = bins.gaussians.floored(self.deviation_floor)
         a, b = floored.taken(first), floored.taken(second)
         both = a.covariances + b.covariances
         squared = _squared_mahalanobis(a.means - b.means, both)
@@ -93,9 +129,9 @@ class GaussianFit:
         require_positive("limit", self.limit)
         require_positive("deviation_floor", self.deviation_floor, unit="m")
 
-    def merges(self, bins: Gaussians, first: Labels, second: Labels) -> Mask:
+    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
-        a, b = bins.taken(first), bins.taken(second)
+        a, b = bins.gaussians.taken(first), bins.gaussians.taken(second)
         share = (a.counts / (a.counts + b.counts))[:, None, None]
         pooled = Gaussians.from_covariances(
             a.means, share * a.covariances + (1.0 - share) * b.covariances, a.counts
@@ -141,15 +177,14 @@ class ClusterFinder:
         points = read_only(points)
         cells = self.grid.cells(points)
         bin_of_point, occupied = occupied_cells(cells, self.grid.sectors * self.grid.bins)
-        bins = Gaussians.from_labels(points, bin_of_point)
+        bins = Bins(points, bin_of_point, len(occupied))
         # Theta: the eight bins around one.
         first, second = touching_cells(occupied, int(self.grid.sectors), self.grid.bins)
         joins = self.merge.merges(bins, first, second)
         cluster_of_bin, count = joined_groups(
             len(occupied), read_only(first), read_only(second), read_only(joins)
         )
-        # One more entry, so that the label -1 of a point without a bin stays -1.
-        return np.append(cluster_of_bin, -1)[bin_of_point], count
+        return regrouped(read_only(bin_of_point), read_only(cluster_of_bin)), count
 
     def cut(
         self, points: Points, labels: Labels, count: int, largest_radius: float

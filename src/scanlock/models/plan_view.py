@@ -9,7 +9,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.plan_view import block_means, column_slots, full_and_open_columns
+from scanlock.kernels.plan_view import column_slots, columns_and_ground
 from scanlock.models.ground import Ground, GroundStatus
 from scanlock.models.segmentation import is_obstacle
 
@@ -100,7 +100,7 @@ class PlanViewer:
         level_from_scan = level_pose(cloud, ground)
         blocks = max(1, round(self.max_range / (_GROUND_COLUMNS * self.width)))
         reach = blocks * _GROUND_COLUMNS
-        filled, ground_heights = column_slots(
+        filled, ground_sums = column_slots(
             cloud.points,
             ground.height,
             read_only(is_obstacle(cloud, ground)),
@@ -111,8 +111,8 @@ class PlanViewer:
             self.slot,
             self.slots,
         )
-        columns, slots, open_columns = full_and_open_columns(
-            read_only(filled), read_only(ground_heights), self.width
+        columns, slots, open_columns, ground_heights = columns_and_ground(
+            read_only(filled), read_only(ground_sums), self.width, _GROUND_COLUMNS
         )
         return PlanView(
             level_from_scan,
@@ -120,7 +120,7 @@ class PlanViewer:
             columns,
             slots / self.slots,
             open_columns,
-            block_means(read_only(ground_heights), _GROUND_COLUMNS),
+            ground_heights,
             _GROUND_COLUMNS * self.width,
         )
 

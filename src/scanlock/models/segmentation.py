@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.rows import chosen_points, is_off_zero
+from scanlock.kernels.rows import chosen_points
 from scanlock.models.clusters import ClusterFinder
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
 
@@ -90,13 +90,10 @@ class Segmenter:
 def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
     """Return which points of a cloud stand on its ground: neither of it nor beneath it.
 
-    A point at exactly (0, 0, 0) of a sensor's frame is no place but a driver's word for "no
-    return"; thousands of them would make the heaviest cluster of all, at the sensor.
+    Nor is one that measured nothing: thousands of them would make the heaviest cluster of all,
+    at the sensor.
     """
-    standing = ~(ground.is_ground | ground.is_below)
-    if not cloud.origin.any():
-        standing &= is_off_zero(cloud.points)
-    return standing
+    return cloud.is_measured & ~(ground.is_ground | ground.is_below)
 
 
 def obstacle_points(cloud: PointCloud, ground: Ground) -> Points:

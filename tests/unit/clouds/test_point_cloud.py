@@ -235,3 +235,14 @@ def test_poses_between_sensor_frames_are_their_own_local_poses():
     cloud = PointCloud.from_array(_XYZ)
     assert local_pose(pose, cloud, cloud) == pose
     assert caller_pose(pose, cloud, cloud) == pose
+
+
+def test_points_at_zero_of_a_sensor_frame_are_not_measured():
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0, 0.0, 0.0], [3.0, 0.0, 2.0]])
+    assert PointCloud.from_array(points).is_measured.tolist() == [False, True, False, True]
+    # Zero of a recentred cloud is a place like any other.
+    offset = np.array([5e5, 5e6, 0.0])
+    around = np.concatenate([points, -points]) + offset
+    cloud = PointCloud.from_array(around)
+    assert (cloud.points == 0.0).all(axis=1).any()
+    assert cloud.is_measured.all()

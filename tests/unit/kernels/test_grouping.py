@@ -5,7 +5,13 @@ from scipy.sparse.csgraph import connected_components
 
 from reference import grouping
 from scanlock.arrays import read_only
-from scanlock.kernels.grouping import joined_groups, occupied_cells, touching_cells
+from scanlock.kernels.grouping import (
+    close_pairs,
+    joined_groups,
+    occupied_cells,
+    regrouped,
+    touching_cells,
+)
 
 
 def test_occupied_cells_match_the_definition():
@@ -49,3 +55,22 @@ def test_joined_groups_are_the_connected_components(seed):
     assert grouping.partition(groups) == grouping.partition(expected)
     firsts = [int(np.flatnonzero(groups == group)[0]) for group in range(count)]
     assert firsts == sorted(firsts)
+
+
+def test_pairs_are_close_below_the_limit_only():
+    rng = np.random.default_rng(2)
+    points = read_only(rng.normal(size=(30, 3)))
+    first, second = rng.integers(0, 30, (2, 80))
+    close = close_pairs(points, read_only(first), read_only(second), 1.3)
+    gaps = np.linalg.norm(points[first] - points[second], axis=1)
+    np.testing.assert_array_equal(close, gaps < 1.3)
+    assert set(close.tolist()) == {True, False}
+    ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.75, 0.0]])
+    pair = np.array([0]), np.array([1])
+    assert not close_pairs(read_only(ends), *map(read_only, pair), 0.75)[0]
+
+
+def test_rows_follow_their_labels_into_groups_but_for_those_without_one():
+    labels, groups = np.array([2, -1, 0, 2, 1]), np.array([7, 4, 9])
+    found = regrouped(read_only(labels), read_only(groups))
+    assert found.tolist() == [9, -1, 7, 9, 4]

@@ -3,7 +3,7 @@ import pytest
 
 from reference.moments import moments
 from scanlock.arrays import read_only
-from scanlock.kernels.moments import labelled_moments
+from scanlock.kernels.moments import labelled_means, labelled_moments
 
 _ROWS, _COLUMNS = np.triu_indices(3)
 
@@ -41,3 +41,12 @@ def test_no_points_and_no_parts_give_empty_moments():
     assert counts.shape == (0,)
     assert means.shape == (0, 3)
     assert packed.shape == (0, 6)
+
+
+def test_means_alone_match_the_definition():
+    rng = np.random.default_rng(4)
+    points, labels = rng.normal(size=(90, 3)), rng.choice([-1, 0, 1, 3], 90)
+    counts, means = labelled_means(read_only(points), read_only(labels), 4)
+    expected_counts, expected_means, _ = moments(points, labels, 4)
+    np.testing.assert_array_equal(counts, expected_counts)
+    np.testing.assert_allclose(means, expected_means, atol=1e-13)

@@ -1,4 +1,5 @@
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -44,7 +45,8 @@ def _one(mean, covariance, count=10):
 
 
 def _merges(test, first, second):
-    bins = Gaussians.joined([first, second])
+    gaussians = Gaussians.joined([first, second])
+    bins = SimpleNamespace(means=gaussians.means, gaussians=gaussians)
     one, other = np.array([0]), np.array([1])
     merged = test.merges(bins, one, other)
     assert merged.tolist() == test.merges(bins, other, one).tolist()
