@@ -50,17 +50,19 @@ def ground_gaps(
 
 
 @sum_kernel
-def plane_sums(gaps: Matrix, weights: Vector) -> tuple[Vector, Vector]:
+def plane_sums(gaps: Matrix, scale: float) -> tuple[Vector, Vector]:
     """Return sums over the cells with a gap, of `ground_gaps`, plain and weighted.
 
     Plain are the sums of 1, x, y, x x, x y, y y; the weighted ones are followed by those of the
-    gap, x times the gap, y times the gap.
+    gap, x times the gap, y times the gap. A gap of `scale` [m] weighs a quarter of none.
     """
     plain, weighted = np.zeros(6), np.zeros(9)
     for k in range(gaps.shape[1]):
-        x, y, gap, w = gaps[0, k], gaps[1, k], gaps[2, k], weights[k]
+        x, y, gap = gaps[0, k], gaps[1, k], gaps[2, k]
         if math.isnan(gap):
             continue
+        w = 1.0 / (1.0 + (gap / scale) * (gap / scale))
+        w *= w
         plain[0] += 1.0
         plain[1] += x
         plain[2] += y
@@ -77,19 +79,3 @@ def plane_sums(gaps: Matrix, weights: Vector) -> tuple[Vector, Vector]:
         weighted[7] += w * x * gap
         weighted[8] += w * y * gap
     return plain, weighted
-
-
-@kernel
-def weights_about_plane(
-    gaps: Matrix, rise: float, slope_x: float, slope_y: float, scale: float
-) -> Vector:
-    """Return how much each cell counts by its distance from a plane; a quarter at `scale` [m].
-
-    Cells without a gap count 1, should the next pose give them one.
-    """
-    weights = np.ones(gaps.shape[1], np.float64)
-    for k in range(gaps.shape[1]):
-        if not math.isnan(gaps[2, k]):
-            left = (gaps[2, k] - rise - slope_x * gaps[0, k] - slope_y * gaps[1, k]) / scale
-            weights[k] = 1.0 / ((1.0 + left * left) * (1.0 + left * left))
-    return weights

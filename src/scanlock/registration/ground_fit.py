@@ -4,12 +4,14 @@ Each scan was levelled by its own ground. On a slope, or where the ground rolls,
 are not one plane: what both saw of it, between the two places, settles how they lie.
 """
 
+import math
+
 import numpy as np
 
 from scanlock.arrays import Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.shared_ground import ground_gaps, plane_sums, weights_about_plane
+from scanlock.kernels.shared_ground import ground_gaps, plane_sums
 from scanlock.models.plan_view import PlanView
 
 _LEAST_CELLS = 12
@@ -39,10 +41,10 @@ def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
         return pose
     level = target.level_from_scan @ pose @ source.level_from_scan.inverse()
     grids = read_only(target.ground), target.ground_cell, read_only(source.ground)
-    weights = np.ones(source.ground.size)
-    for _ in range(_ROUNDS):
+    for attempt in range(_ROUNDS):
         gaps = ground_gaps(*grids, source.ground_cell, level.rotation, level.translation)
-        fit = _plane_through(read_only(gaps), read_only(weights))
+        # All cells count alike until they have been laid onto each other once.
+        fit = _plane_through(read_only(gaps), _OUTLIER if attempt > 0 else math.inf)
         if fit is None:
             return pose
         rise, slopes = fit
@@ -50,13 +52,12 @@ def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
         level = Pose(turn @ level.rotation, level.translation + np.array([0.0, 0.0, rise]))
         if abs(rise) < _SETTLED and np.abs(slopes).max() < _SETTLED:
             break
-        weights = weights_about_plane(read_only(gaps), rise, *slopes.tolist(), _OUTLIER)
     return target.level_from_scan.inverse() @ level @ source.level_from_scan
 
 
-def _plane_through(gaps: Matrix, weights: Vector) -> tuple[float, Vector] | None:
+def _plane_through(gaps: Matrix, scale: float) -> tuple[float, Vector] | None:
     """Return the rise of the axis [m] and its (2,) slopes; None where they are not held."""
-    (count, x, y, xx, xy, yy), weighted = plane_sums(gaps, weights)
+    (count, x, y, xx, xy, yy), weighted = plane_sums(gaps, scale)
     if count < _LEAST_CELLS:
         return None
     spread = np.array([[xx - x * x / count, xy - x * y / count], [0.0, yy - y * y / count]]) / count
