@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
@@ -10,10 +11,16 @@ from scanlock.kernels._compile import kernel, sum_kernel
 _ON_THE_PLANE = 1e-9
 """Share of a part's deviation within which a point counts as on the cutting plane."""
 
+_Flags = NDArray[np.uint8]
+"""Whether each point is near, as numbers: vector units write these."""
+
 
 @sum_kernel
-def _fill_moments(x: Vector, y: Vector, z: Vector, moments: Vector) -> None:
-    """Write the mean (3) and the packed covariance (6) of points; in two passes, as digits go."""
+def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
+    """Write the mean (3) and the packed covariance (6) of points; in two passes, as digits go.
+
+    Tells whether any point is farther than `radius` from the mean.
+    """
     n = x.shape[0]
     mx = my = mz = 0.0
     for i in range(n):
@@ -24,6 +31,7 @@ def _fill_moments(x: Vector, y: Vector, z: Vector, moments: Vector) -> None:
     my /= n
     mz /= n
     xx = xy = xz = yy = yz = zz = 0.0
+    beyond = 0.0
     for i in range(n):
         dx = x[i] - mx
         dy = y[i] - my
@@ -34,22 +42,25 @@ def _fill_moments(x: Vector, y: Vector, z: Vector, moments: Vector) -> None:
         yy += dy * dy
         yz += dy * dz
         zz += dz * dz
+        # Counting uses vector units; the largest distance would not.
+        beyond += 1.0 if dx * dx + dy * dy + dz * dz > radius * radius else 0.0
     moments[0], moments[1], moments[2] = mx, my, mz
     moments[3], moments[4], moments[5] = xx / n, xy / n, xz / n
     moments[6], moments[7], moments[8] = yy / n, yz / n, zz / n
+    return beyond > 0.0
 
 
 @sum_kernel
-def _reaches_beyond(x: Vector, y: Vector, z: Vector, moments: Vector, radius: float) -> bool:
-    """Tell whether any point is farther than `radius` from the mean."""
-    beyond = 0
-    # Counting uses vector units; the largest distance would not.
+def _reaches_beyond(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
+    """Tell whether any point is farther than `radius` from the mean of known moments."""
+    mx, my, mz = moments[0], moments[1], moments[2]
+    beyond = 0.0
     for i in range(x.shape[0]):
-        dx = x[i] - moments[0]
-        dy = y[i] - moments[1]
-        dz = z[i] - moments[2]
-        beyond += dx * dx + dy * dy + dz * dz > radius * radius
-    return beyond > 0
+        dx = x[i] - mx
+        dy = y[i] - my
+        dz = z[i] - mz
+        beyond += 1.0 if dx * dx + dy * dy + dz * dz > radius * radius else 0.0
+    return beyond > 0.0
 
 
 @kernel
@@ -57,13 +68,13 @@ def _longest_axis(moments: Vector) -> tuple[float, float, float]:
     """Return the unit vector of the largest variance; zero where there is no variance."""
     xx, xy, xz = moments[3], moments[4], moments[5]
     yy, yz, zz = moments[6], moments[7], moments[8]
+    trace = xx + yy + zz
+    if trace == 0.0:
+        return 0.0, 0.0, 0.0
+    xx, xy, xz, yy, yz, zz = xx / trace, xy / trace, xz / trace, yy / trace, yz / trace, zz / trace
     # Squaring the matrix six times is 64 power iterations; its columns then all point along the
-    # longest axis, the one with the largest diagonal most surely.
+    # longest axis, the one with the largest diagonal most surely. That is at least 3**-64.
     for _ in range(6):
-        size = xx + yy + zz
-        if size == 0.0:
-            break
-        xx, xy, xz, yy, yz, zz = xx / size, xy / size, xz / size, yy / size, yz / size, zz / size
         xx, xy, xz, yy, yz, zz = (
             xx * xx + xy * xy + xz * xz,
             xx * xy + xy * yy + xz * yz,
@@ -79,41 +90,97 @@ def _longest_axis(moments: Vector) -> tuple[float, float, float]:
     else:
         a, b, c = xz, yz, zz
     norm = math.sqrt(a * a + b * b + c * c)
-    return (a / norm, b / norm, c / norm) if norm > 0.0 else (0.0, 0.0, 0.0)
+    return a / norm, b / norm, c / norm
 
 
 @kernel
-def _part_in_two(
-    x: Vector, y: Vector, z: Vector, rows: Labels, moments: Vector, far: Matrix, far_rows: Labels
-) -> int:
-    """Move the points on the near side of the cutting plane to the front; return their number.
+def _find_near(x: Vector, y: Vector, z: Vector, moments: Vector, is_near: _Flags) -> None:
+    """Write which points lie on the near side of the cutting plane.
 
-    The plane stands across the longest axis, through the mean. `far` (3, n) and `far_rows` are
-    scratch.
+    The plane stands across the longest axis, through the mean.
     """
     a, b, c = _longest_axis(moments)
-    spread = math.sqrt(moments[3] + moments[6] + moments[8])
-    near = np.uint64(0)
-    behind = np.uint64(0)
-    # Every point is written to both sides, and only one of the two moves on: no branch to guess.
+    mx, my, mz = moments[0], moments[1], moments[2]
+    limit = -_ON_THE_PLANE * math.sqrt(moments[3] + moments[6] + moments[8])
     for i in range(x.shape[0]):
-        px, py, pz, row = x[i], y[i], z[i], rows[i]
-        along = a * (px - moments[0]) + b * (py - moments[1]) + c * (pz - moments[2])
-        is_near = np.uint64(along < -_ON_THE_PLANE * spread)
-        x[near], y[near], z[near], rows[near] = px, py, pz, row
-        far[0, behind], far[1, behind], far[2, behind], far_rows[behind] = px, py, pz, row
-        near += is_near
-        behind += np.uint64(1) - is_near
-    middle = int(near)
-    for i in range(x.shape[0] - middle):
-        x[middle + i], y[middle + i], z[middle + i] = far[0, i], far[1, i], far[2, i]
-        rows[middle + i] = far_rows[i]
-    return middle
+        is_near[i] = np.uint8(a * (x[i] - mx) + b * (y[i] - my) + c * (z[i] - mz) < limit)
+
+
+@kernel
+def _part_points(
+    x: Vector, y: Vector, z: Vector, is_near: _Flags, to_x: Vector, to_y: Vector, to_z: Vector
+) -> int:
+    """Copy points, the near ones to the front and the others to the back; count the near."""
+    front, back = np.uint64(0), np.uint64(x.shape[0] - 1)
+    # Each is written to both ends, and only one of the two moves on: no branch to guess.
+    for i in range(x.shape[0]):
+        px, py, pz, near = x[i], y[i], z[i], np.uint64(is_near[i])
+        to_x[front], to_y[front], to_z[front] = px, py, pz
+        to_x[back], to_y[back], to_z[back] = px, py, pz
+        front += near
+        back -= np.uint64(1) - near
+    return int(front)
+
+
+@kernel
+def _part_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
+    """Copy the rows of points as `_part_points` copies the points."""
+    front, back = np.uint64(0), np.uint64(rows.shape[0] - 1)
+    for i in range(rows.shape[0]):
+        row, near = rows[i], np.uint64(is_near[i])
+        to_rows[front] = row
+        to_rows[back] = row
+        front += near
+        back -= np.uint64(1) - near
+
+
+@kernel
+def _cut_in_two(
+    tables: NDArray[np.float64], at: int, begin: int, end: int, moments: Vector, is_near: _Flags
+) -> int:
+    """Copy a run to the other table, its near points first; return where the others begin."""
+    to = 1 - at
+    # Taken row by row, as only then is it clear that they are contiguous.
+    x, y, z = tables[at, 0, begin:end], tables[at, 1, begin:end], tables[at, 2, begin:end]
+    u, v, w = tables[to, 0, begin:end], tables[to, 1, begin:end], tables[to, 2, begin:end]
+    _find_near(x, y, z, moments, is_near)
+    near = _part_points(x, y, z, is_near, u, v, w)
+    if tables.shape[1] == 4:
+        _part_rows(tables[at, 3, begin:end], is_near, tables[to, 3, begin:end])
+    return begin + near
+
+
+@kernel
+def _by_part(
+    points: Points, labels: Labels, parts: int, keeps_rows: bool
+) -> tuple[Labels, NDArray[np.float64]]:
+    """Return where each part begins, and two times 3 or 4 rows: coordinates sorted by part.
+
+    The fourth row holds the rows of `points`; the second three or four are left empty.
+    """
+    # Labels of -1 count in the first place, which no part needs.
+    starts = np.zeros(parts + 2, np.int64)
+    for i in range(points.shape[0]):
+        starts[np.uint64(labels[i] + 2)] += 1
+    starts[0] = starts[1] = 0
+    for k in range(parts):
+        starts[k + 2] += starts[k + 1]
+    tables = np.empty((2, 4 if keeps_rows else 3, starts[parts + 1]), np.float64)
+    x, y, z = tables[0, 0], tables[0, 1], tables[0, 2]
+    cursor = starts[1:].copy()
+    for i in range(points.shape[0]):
+        if labels[i] >= 0:
+            place = cursor[labels[i]]
+            cursor[labels[i]] += 1
+            x[place], y[place], z[place] = points[i, 0], points[i, 1], points[i, 2]
+            if keeps_rows:
+                tables[0, 3, place] = i
+    return starts[1:], tables
 
 
 @kernel
 def cut_by_extent(
-    points: Points, labels: Labels, parts: int, radii: Vector
+    points: Points, labels: Labels, parts: int, radii: Vector, keeps_rows: bool
 ) -> tuple[Labels, Labels, Matrix]:
     """Cut parts until none has a point farther than a radius from its mean, for each radius.
 
@@ -130,60 +197,46 @@ def cut_by_extent(
     parts : int
     radii : (r,) [m]
         Descending.
+    keeps_rows : bool
+        Whether to say which points the parts are made of; it takes time.
 
     Returns
     -------
     rows : (m,)
-        The rows of all points that belong to a part, in an order in which all parts are runs.
+        The rows of all points that belong to a part, in an order in which all parts are runs;
+        none unless asked for.
     runs : (k, 3)
         The index of a radius, where a part cut to it begins in `rows`, and where it ends.
     moments : (k, 9)
         Mean (3) [m] and packed covariance (6) [m^2] of each run, divided by the count.
     """
-    starts = np.zeros(parts + 1, np.int64)
-    for i in range(points.shape[0]):
-        if labels[i] >= 0:
-            starts[labels[i] + 1] += 1
-    for k in range(parts):
-        starts[k + 1] += starts[k]
-    n = starts[parts]
-    x, y, z = np.empty(n), np.empty(n), np.empty(n)
-    rows = np.empty(n, np.int64)
-    cursor = starts[:-1].copy()
-    for i in range(points.shape[0]):
-        if labels[i] >= 0:
-            place = cursor[labels[i]]
-            cursor[labels[i]] += 1
-            x[place], y[place], z[place] = points[i, 0], points[i, 1], points[i, 2]
-            rows[place] = i
-
+    # What is cut goes from one of the two tables to the other, and the next time back.
+    starts, tables = _by_part(points, labels, parts, keeps_rows)
+    n = tables.shape[2]
+    rows = np.empty(n if keeps_rows else 0, np.int64)
     runs = np.empty((max(16, 4 * parts), 3), np.int64)
     moments = np.empty((runs.shape[0], 9), np.float64)
     own = np.empty(9, np.float64)
-    far = np.empty((3, n), np.float64)
-    far_rows = np.empty(n, np.int64)
-    # A stack of runs still to be cut or kept, and the radius they are cut to next; a run of one
-    # point is never cut.
-    waiting = np.empty((n + 1, 3), np.int64)
+    is_near = np.empty(n, np.uint8)
+    # A stack of runs still to be cut or kept: the radius they are cut to next, where they begin
+    # and end, and their table; a run of one point is never cut.
+    waiting = np.empty((n + 1, 4), np.int64)
     found = 0
     for k in range(parts):
-        if starts[k] == starts[k + 1]:
-            continue
-        waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, starts[k], starts[k + 1]
-        depth = 1
+        waiting[0, 0], waiting[0, 1], waiting[0, 2], waiting[0, 3] = 0, starts[k], starts[k + 1], 0
+        depth = 1 if starts[k] < starts[k + 1] else 0
         while depth > 0:
             depth -= 1
-            scale, begin, end = waiting[depth, 0], waiting[depth, 1], waiting[depth, 2]
-            px, py, pz = x[begin:end], y[begin:end], z[begin:end]
-            _fill_moments(px, py, pz, own)
+            scale, begin, end, at = waiting[depth]
+            x, y, z = tables[at, 0, begin:end], tables[at, 1, begin:end], tables[at, 2, begin:end]
+            is_long = _fill_moments(x, y, z, float(radii[scale]), own)
             while scale < radii.shape[0]:
-                if _reaches_beyond(px, py, pz, own, float(radii[scale])):
-                    middle = begin + _part_in_two(px, py, pz, rows[begin:end], own, far, far_rows)
+                if is_long:
+                    middle = _cut_in_two(tables, at, begin, end, own, is_near)
                     if begin < middle < end:
-                        for half in range(2):
-                            waiting[depth, 0] = scale
-                            waiting[depth, 1] = begin if half == 0 else middle
-                            waiting[depth, 2] = middle if half == 0 else end
+                        for first, last in ((begin, middle), (middle, end)):
+                            waiting[depth, 0], waiting[depth, 1] = scale, first
+                            waiting[depth, 2], waiting[depth, 3] = last, 1 - at
                             depth += 1
                         break
                 if found == runs.shape[0]:
@@ -193,4 +246,8 @@ def cut_by_extent(
                 moments[found] = own
                 found += 1
                 scale += 1
+                if scale < radii.shape[0]:
+                    is_long = _reaches_beyond(x, y, z, float(radii[scale]), own)
+                elif keeps_rows:
+                    rows[begin:end] = tables[at, 3, begin:end].astype(np.int64)
     return rows, runs[:found].copy(), moments[:found].copy()

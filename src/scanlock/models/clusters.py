@@ -194,7 +194,7 @@ class ClusterFinder:
         Cutting to a large radius first and to a smaller one then gives the same clusters as
         cutting to the smaller one at once.
         """
-        rows, runs, _ = _cut(points, labels, count, [largest_radius])
+        rows, runs, _ = _cut(points, labels, count, [largest_radius], keeps_rows=True)
         order = np.argsort(runs[:, 1])
         cut = np.full(len(points), -1, np.int64)
         cut[rows] = np.repeat(order, (runs[:, 2] - runs[:, 1])[order])
@@ -207,7 +207,7 @@ class ClusterFinder:
 
         Those of clusters as `cut` leaves them, but for those of fewer than `least_count` points.
         """
-        _, runs, moments = _cut(points, labels, count, radii)
+        _, runs, moments = _cut(points, labels, count, radii, keeps_rows=False)
         sizes = runs[:, 2] - runs[:, 1]
         kept = [
             np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.least_count))
@@ -217,10 +217,10 @@ class ClusterFinder:
 
 
 def _cut(
-    points: Points, labels: Labels, count: int, radii: Sequence[float]
+    points: Points, labels: Labels, count: int, radii: Sequence[float], *, keeps_rows: bool
 ) -> tuple[Labels, Labels, Matrix]:
     scales = read_only(np.array(radii, np.float64))
-    return cut_by_extent(read_only(points), read_only(labels), count, scales)
+    return cut_by_extent(read_only(points), read_only(labels), count, scales, keeps_rows)
 
 
 def _without_small(labels: Labels, count: int, least_count: int) -> tuple[Labels, int]:

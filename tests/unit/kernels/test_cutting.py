@@ -9,7 +9,7 @@ from scanlock.kernels.cutting import cut_by_extent
 def _cut(points, labels, parts, radius):
     """Labels and their number, of the runs that the kernel leaves."""
     rows, runs, _ = cut_by_extent(
-        read_only(points), read_only(labels), parts, read_only(np.array([float(radius)]))
+        read_only(points), read_only(labels), parts, read_only(np.array([float(radius)])), True
     )
     assert sorted(rows) == np.flatnonzero(labels >= 0).tolist()
     cut = np.full(len(points), -1)
@@ -72,7 +72,12 @@ def test_moments_of_all_runs_at_all_radii_are_those_of_their_points():
     points = rng.normal(size=(700, 3)) * [20.0, 4.0, 1.0]
     labels = rng.integers(-1, 3, 700)
     radii = np.array([30.0, 5.0, 2.0, 0.5])
-    rows, runs, moments = cut_by_extent(read_only(points), read_only(labels), 3, read_only(radii))
+    arguments = read_only(points), read_only(labels), 3, read_only(radii)
+    rows, runs, moments = cut_by_extent(*arguments, True)
+    none, same_runs, same_moments = cut_by_extent(*arguments, False)
+    assert len(none) == 0
+    np.testing.assert_array_equal(same_runs, runs)
+    np.testing.assert_array_equal(same_moments, moments)
     assert set(runs[:, 0]) == {0, 1, 2, 3}
     for (scale, begin, end), own in zip(runs, moments, strict=True):
         part = points[rows[begin:end]]
