@@ -7,7 +7,7 @@ from scanlock.arrays import Points, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_positive
-from scanlock.kernels.rows import chosen_points, is_off_zero
+from scanlock.kernels.rows import chosen_points
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
 from scanlock.registration.scales import shares_of, shortage_of
@@ -86,12 +86,8 @@ def require_widths(widths: Sequence[float]) -> None:
 def measured_points(cloud: PointCloud) -> Points:
     """Return the points of a cloud without those at exactly zero of a sensor's frame.
 
-    Such a point is a driver's word for "no return". A heap of them lies at the sensor in either
-    scan, and would hold the scans where they are.
+    A heap of them lies at the sensor in either scan, and would hold the scans where they are.
     """
-    if cloud.origin.any():
+    if cloud.is_measured.all():
         return cloud.points
-    is_measured = is_off_zero(cloud.points)
-    if is_measured.all():
-        return cloud.points
-    return read_only(chosen_points(cloud.points, read_only(is_measured)))
+    return read_only(chosen_points(cloud.points, cloud.is_measured))
