@@ -1,10 +1,8 @@
 """Incremental sample consensus with a 1-D Gaussian process in every sector of a polar grid."""
 
 import math
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
@@ -12,8 +10,6 @@ from scanlock.kernels._compile import kernel, sum_kernel
 _LANES = 8
 """Numbers to a vector unit. Loops take what is left over one by one, which for the few dozen
 prototypes of a sector takes longer than the rest; so sectors are filled up."""
-
-_Scalar = TypeVar("_Scalar", np.float64, np.bool_)
 
 
 @sum_kernel
@@ -220,11 +216,9 @@ def filled_rows(starts: Labels) -> tuple[Labels, Labels]:
 
 
 @kernel
-def filled_up(
-    values: NDArray[_Scalar], rows: Labels, total: int, filling: float
-) -> NDArray[_Scalar]:
+def filled_up(values: Vector, rows: Labels, total: int, filling: float) -> Vector:
     """Return `total` numbers: the values in the given rows, the filling in all others."""
-    filled = np.full(total, filling, values.dtype)
+    filled = np.full(total, filling, np.float64)
     filled[rows] = values
     return filled
 
@@ -337,13 +331,17 @@ def grow_sectors(
     # What fills a sector up is infinitely far, has no height, and nothing of it is uncertain.
     full, rows = filled_rows(starts)
     total = int(full[full.shape[0] - 1])
+    full_seeds = np.zeros(total, np.bool_)
+    full_seeds[rows] = seeds
+    variance = np.zeros(total, np.float64)
+    variance[rows] = signal
     accepted, mean, variance = grow_full_sectors(
         full,
         filled_up(ranges, rows, total, math.inf),
         filled_up(heights, rows, total, math.nan),
-        filled_up(seeds, rows, total, False),
+        full_seeds,
         filled_up(caps, rows, total, 0.0),
-        filled_up(np.full(ranges.shape[0], signal), rows, total, 0.0),
+        variance,
         length, signal, noise, variance_limit, residual_limit, rounds, reach, slope, gap,
     )  # fmt: skip
     return accepted[rows], mean[rows], variance[rows]
