@@ -7,6 +7,10 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
 
+_LANES = 8
+"""Numbers to a vector unit. Loops take what is left over one by one, which for the few dozen
+prototypes of a sector takes longer than the rest; so sectors are filled up."""
+
 
 @sum_kernel
 def decay(x: float) -> float:
@@ -176,7 +180,10 @@ def lend_heights(
                     t = (s + side * step) % sectors
                     best = -1
                     nearest = gap
-                    for j in range(starts[t], starts[t + 1]):
+                    first = starts[t] + np.searchsorted(
+                        ranges[starts[t] : starts[t + 1]], ranges[i] - gap
+                    )
+                    for j in range(first, starts[t + 1]):
                         outwards = ranges[j] - ranges[i]
                         if outwards >= gap:
                             break
@@ -197,12 +204,33 @@ def lend_heights(
 
 
 @kernel
-def grow_sectors(
+def filled_rows(starts: Labels) -> tuple[Labels, Labels]:
+    """Return where sectors filled up to whole `_LANES` start, and the row of each prototype."""
+    full = np.zeros(starts.shape[0], np.int64)
+    rows = np.empty(starts[starts.shape[0] - 1], np.int64)
+    for s in range(starts.shape[0] - 1):
+        count = starts[s + 1] - starts[s]
+        rows[starts[s] : starts[s + 1]] = np.arange(full[s], full[s] + count)
+        full[s + 1] = full[s] + (count + _LANES - 1) // _LANES * _LANES
+    return full, rows
+
+
+@kernel
+def filled_up(values: Vector, rows: Labels, total: int, filling: float) -> Vector:
+    """Return `total` numbers: the values in the given rows, the filling in all others."""
+    filled = np.full(total, filling, np.float64)
+    filled[rows] = values
+    return filled
+
+
+@kernel
+def grow_full_sectors(
     starts: Labels,
     ranges: Vector,
     heights: Vector,
     seeds: Mask,
     caps: Vector,
+    variance: Vector,
     length: float,
     signal: float,
     noise: float,
@@ -213,22 +241,14 @@ def grow_sectors(
     slope: float,
     gap: float,
 ) -> tuple[Mask, Vector, Vector]:
-    """Grow the ground models of all sectors from their seeds; return (accepted, mean, variance).
+    """Grow the ground models of sectors that are filled up; see `grow_sectors`.
 
-    Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
-    to the mean function). A candidate joins when its variance is below `variance_limit` and its
-    residual below both `residual_limit` standard deviations of an observation there and its own
-    cap; mean and variance are brought up to date after each sweep over the candidates.
-
-    When no more join, uncertain prototypes take heights from neighbouring sectors
-    (`lend_heights`), from the inside out and only as long as they stay uncertain, and growth
-    goes on; this is repeated `rounds` times, for the sectors that were lent anything new.
+    `variance` is that of the prior; it is brought up to date and returned.
     """
     total = ranges.shape[0]
     sectors = starts.shape[0] - 1
     accepted = np.zeros(total, np.bool_)
     mean = np.zeros(total, np.float64)
-    variance = np.full(total, signal, np.float64)
     lent_heights = np.zeros(total, np.float64)
     lent_noise = np.full(total, math.nan, np.float64)
     changed = np.ones(sectors, np.bool_)
@@ -278,3 +298,50 @@ def grow_sectors(
                 kept[filled : filled + size] = factor[:size]
                 filled += size
     return accepted, mean, variance
+
+
+@kernel
+def grow_sectors(
+    starts: Labels,
+    ranges: Vector,
+    heights: Vector,
+    seeds: Mask,
+    caps: Vector,
+    length: float,
+    signal: float,
+    noise: float,
+    variance_limit: float,
+    residual_limit: float,
+    rounds: int,
+    reach: int,
+    slope: float,
+    gap: float,
+) -> tuple[Mask, Vector, Vector]:
+    """Grow the ground models of all sectors from their seeds; return (accepted, mean, variance).
+
+    Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
+    to the mean function). A candidate joins when its variance is below `variance_limit` and its
+    residual below both `residual_limit` standard deviations of an observation there and its own
+    cap; mean and variance are brought up to date after each sweep over the candidates.
+
+    When no more join, uncertain prototypes take heights from neighbouring sectors
+    (`lend_heights`), from the inside out and only as long as they stay uncertain, and growth
+    goes on; this is repeated `rounds` times, for the sectors that were lent anything new.
+    """
+    # What fills a sector up is infinitely far, has no height, and nothing of it is uncertain.
+    full, rows = filled_rows(starts)
+    total = int(full[full.shape[0] - 1])
+    full_seeds = np.zeros(total, np.bool_)
+    full_seeds[rows] = seeds
+    variance = np.zeros(total, np.float64)
+    variance[rows] = signal
+    accepted, mean, variance = grow_full_sectors(
+        full,
+        filled_up(ranges, rows, total, math.inf),
+        filled_up(heights, rows, total, math.nan),
+        full_seeds,
+        filled_up(caps, rows, total, 0.0),
+        variance,
+        length, signal, noise, variance_limit, residual_limit, rounds, reach, slope, gap,
+    )  # fmt: skip
+    return accepted[rows], mean[rows], variance[rows]

@@ -200,19 +200,20 @@ def split_by_knots(
     b = plane[1]
     c = plane[2]
     d = plane[3]
-    limits = np.empty(_BLOCK, np.float64)
+    limits = np.full(_BLOCK, limit, np.float64)
     for start in range(0, n, _BLOCK):
         count = min(_BLOCK, n - start)
         for i in range(count):
-            cell = cells[start + i]
-            k = np.uint64(max(cell, 0))
+            if cells[start + i] < 0:
+                height[start + i] = math.nan
+                continue
+            k = np.uint64(cells[start + i])
             x = points[start + i, 0]
             y = points[start + i, 1]
             step = math.sqrt(x * x + y * y) - knots[k, 0]
             # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
             model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
-            h = a * x + b * y + c * points[start + i, 2] + d - model
-            height[start + i] = h if cell >= 0 else math.nan
+            height[start + i] = a * x + b * y + c * points[start + i, 2] + d - model
             limits[i] = min(limit, knots[k, 4])
         own = slice(start, start + count)
         both = _split_by_height(height[own], limits, limit, is_ground[own], is_below[own])

@@ -36,16 +36,16 @@ def is_supported(
         sector = across + sectors if across < 0 else across
         sector = sector - sectors if sector >= sectors else sector
         for k in range(max(own_bin - 2, 0), min(own_bin + 3, bins)):
+            # No branches here: which cells are empty is hard to foretell.
             j = point_of_cell[sector * bins + k]
-            if j < 0 or j == i:
-                continue
-            dx = x[i] - x[j]
-            dy = y[i] - y[j]
-            rise = z[j] - z[i] - slack
-            if rise < 0.0 or rise < slope * math.sqrt(dx * dx + dy * dy):
-                found += 1
-                if found == support:
-                    return True
+            other = np.uint64(max(j, 0))
+            dx = x[i] - x[other]
+            dy = y[i] - y[other]
+            rise = z[other] - z[i] - slack
+            is_near = rise < slope * math.sqrt(dx * dx + dy * dy)
+            found += is_near & (j >= 0) & (j != i)
+        if found >= support:
+            return True
     return False
 
 

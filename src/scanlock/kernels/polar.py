@@ -118,11 +118,16 @@ def polar_cells(points: Points, sectors: int, edges: Vector) -> Labels:
             x[i] = points[start + i, 0]
             y[i] = points[start + i, 1]
         _measure(x, y, limit, 2.0 * sectors, 1.0 / step, turns, ranges, sector_step, bin_step)
+        own = cells[start : start + count]
+        # Short loops over what the cache holds take less time than one that does it all.
         for i in range(count):
             s = first_sector[sector_step[i]]
             s += np.uint32(turns[i] >= borders[s + one])
+            own[i] = np.int64(s) * bins
+        for i in range(count):
             b = first_bin[bin_step[i]]
             b += np.uint32(ranges[i] >= ends[b])
-            cell = np.int64(s) * bins + np.int64(b)
-            cells[start + i] = cell if ranges[i] < limit else -1
+            own[i] += np.int64(b)
+        for i in range(count):
+            own[i] = own[i] if ranges[i] < limit else -1
     return cells
