@@ -158,9 +158,12 @@ def _local_prior(
 
 
 def _verdict(found: Found, target: Evidence, source: Evidence) -> tuple[float, float, Status, str]:
-    pose = found.solution.pose
-    both = target.gaussians, source.gaussians
-    overlap, score = overlap_and_score(*both, pose)
-    weakest = weakest_direction(both[0])
+    chosen = found.candidates[0] if found.candidates else None
+    if chosen is not None and not math.isnan(chosen.score):
+        overlap, score = chosen.overlap, chosen.score
+    else:
+        both = target.gaussians, source.gaussians
+        overlap, score = overlap_and_score(*both, found.solution.pose)
+    weakest = weakest_direction(target.gaussians)
     status, reason = judge(found.solution, overlap, score, *weakest, found.candidates)
     return overlap, score, status, reason
