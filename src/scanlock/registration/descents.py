@@ -14,7 +14,7 @@ from scanlock.registration.in_turn import loosened
 from scanlock.solvers.newton import Newton
 from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.solver import Solver
-from scanlock.solvers.stopping import StopReason
+from scanlock.solvers.stopping import Stopping, StopReason
 
 HYPOTHESIS_SCALES = (
     Scale(blur=1.0, largest_radius=3.0, weight_power=0.25),
@@ -47,8 +47,9 @@ class Descents:
     scales: tuple[Scale, ...] = HYPOTHESIS_SCALES
     """Coarsest first."""
 
-    solver: Solver = field(default_factory=Newton)
-    """Minimises at each scale."""
+    solver: Solver = field(default_factory=lambda: Newton(stopping=Stopping(step=5e-3)))
+    """Minimises at each scale. What is left after a step of 5 mm is a fraction of a millimetre, and
+    the last stage goes on from there."""
 
     loose_step: float = 0.01
     """A blurred scale stops at steps below this share of its blur."""
