@@ -243,11 +243,13 @@ def cut_by_extent(
                     runs = np.concatenate((runs, np.empty_like(runs)))
                     moments = np.concatenate((moments, np.empty_like(moments)))
                 runs[found, 0], runs[found, 1], runs[found, 2] = scale, begin, end
-                moments[found] = own
+                for entry in range(own.shape[0]):
+                    moments[found, entry] = own[entry]
                 found += 1
                 scale += 1
                 if scale < radii.shape[0]:
                     is_long = _reaches_beyond(x, y, z, float(radii[scale]), own)
                 elif keeps_rows:
-                    rows[begin:end] = tables[at, 3, begin:end].astype(np.int64)
+                    for p in range(begin, end):
+                        rows[p] = np.int64(tables[at, 3, p])
     return rows, runs[:found].copy(), moments[:found].copy()

@@ -7,10 +7,6 @@ import numpy as np
 from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
 
-_LANES = 8
-"""Numbers to a vector unit. Loops take what is left over one by one, which for the few dozen
-prototypes of a sector takes longer than the rest; so sectors are filled up."""
-
 
 @sum_kernel
 def decay(x: float) -> float:
@@ -146,6 +142,18 @@ def grow_sector(
 
 
 @kernel
+def first_from(ascending: Vector, begin: int, end: int, value: float) -> int:
+    """Return the first row from `begin` on whose number is no less than a value, or `end`."""
+    while begin < end:
+        middle = (begin + end) // 2
+        if ascending[middle] < value:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@kernel
 def lend_heights(
     starts: Labels,
     ranges: Vector,
@@ -180,9 +188,7 @@ def lend_heights(
                     t = (s + side * step) % sectors
                     best = -1
                     nearest = gap
-                    first = starts[t] + np.searchsorted(
-                        ranges[starts[t] : starts[t + 1]], ranges[i] - gap
-                    )
+                    first = first_from(ranges, starts[t], starts[t + 1], ranges[i] - gap)
                     for j in range(first, starts[t + 1]):
                         outwards = ranges[j] - ranges[i]
                         if outwards >= gap:
@@ -201,103 +207,6 @@ def lend_heights(
                 lent_heights[i] = weighted / weights
                 lent_noise[i] = 1.0 / weights
                 changed[s] = True
-
-
-@kernel
-def filled_rows(starts: Labels) -> tuple[Labels, Labels]:
-    """Return where sectors filled up to whole `_LANES` start, and the row of each prototype."""
-    full = np.zeros(starts.shape[0], np.int64)
-    rows = np.empty(starts[starts.shape[0] - 1], np.int64)
-    for s in range(starts.shape[0] - 1):
-        count = starts[s + 1] - starts[s]
-        rows[starts[s] : starts[s + 1]] = np.arange(full[s], full[s] + count)
-        full[s + 1] = full[s] + (count + _LANES - 1) // _LANES * _LANES
-    return full, rows
-
-
-@kernel
-def filled_up(values: Vector, rows: Labels, total: int, filling: float) -> Vector:
-    """Return `total` numbers: the values in the given rows, the filling in all others."""
-    filled = np.full(total, filling, np.float64)
-    filled[rows] = values
-    return filled
-
-
-@kernel
-def grow_full_sectors(
-    starts: Labels,
-    ranges: Vector,
-    heights: Vector,
-    seeds: Mask,
-    caps: Vector,
-    variance: Vector,
-    length: float,
-    signal: float,
-    noise: float,
-    variance_limit: float,
-    residual_limit: float,
-    rounds: int,
-    reach: int,
-    slope: float,
-    gap: float,
-) -> tuple[Mask, Vector, Vector]:
-    """Grow the ground models of sectors that are filled up; see `grow_sectors`.
-
-    `variance` is that of the prior; it is brought up to date and returned.
-    """
-    total = ranges.shape[0]
-    sectors = starts.shape[0] - 1
-    accepted = np.zeros(total, np.bool_)
-    mean = np.zeros(total, np.float64)
-    lent_heights = np.zeros(total, np.float64)
-    lent_noise = np.full(total, math.nan, np.float64)
-    changed = np.ones(sectors, np.bool_)
-    largest = 0
-    for s in range(sectors):
-        largest = max(largest, starts[s + 1] - starts[s])
-    factor = np.empty(2 * largest * largest, np.float64)
-    joining = np.empty(largest, np.int64)
-    # What sectors with something still uncertain ended with on their own: borrowing starts there,
-    # each time anew. The rows of their factors lie one after the other.
-    rows = np.zeros(sectors, np.int64)
-    begins = np.zeros(sectors, np.int64)
-    kept = np.empty(64 * total + 1, np.float64)
-    filled = 0
-    own_accepted = accepted
-    own_mean = mean
-    own_variance = variance
-    for turn in range(rounds + 1):
-        if turn == 1:
-            own_accepted, own_mean, own_variance = accepted.copy(), mean.copy(), variance.copy()
-        if turn > 0:
-            lend_heights(
-                starts, ranges, heights, mean, variance, variance_limit, reach, slope, gap,
-                lent_heights, lent_noise, changed,
-            )  # fmt: skip
-        for s in range(sectors):
-            if not changed[s]:
-                continue
-            own = slice(starts[s], starts[s + 1])
-            size = rows[s] * (starts[s + 1] - starts[s])
-            factor[:size] = kept[begins[s] : begins[s] + size]
-            accepted[own] = own_accepted[own]
-            mean[own] = own_mean[own]
-            variance[own] = own_variance[own]
-            used = grow_sector(
-                ranges[own], heights[own], seeds[own], caps[own],
-                lent_heights[own], lent_noise[own],
-                length, signal, noise, variance_limit, residual_limit,
-                accepted[own], mean[own], variance[own], factor, rows[s], joining,
-            )  # fmt: skip
-            if turn == 0 and rounds > 0 and np.any(variance[own] >= variance_limit):
-                rows[s] = used
-                begins[s] = filled
-                size = used * (starts[s + 1] - starts[s])
-                while filled + size > kept.shape[0]:
-                    kept = np.concatenate((kept, np.empty_like(kept)))
-                kept[filled : filled + size] = factor[:size]
-                filled += size
-    return accepted, mean, variance
 
 
 @kernel
@@ -328,20 +237,59 @@ def grow_sectors(
     (`lend_heights`), from the inside out and only as long as they stay uncertain, and growth
     goes on; this is repeated `rounds` times, for the sectors that were lent anything new.
     """
-    # What fills a sector up is infinitely far, has no height, and nothing of it is uncertain.
-    full, rows = filled_rows(starts)
-    total = int(full[full.shape[0] - 1])
-    full_seeds = np.zeros(total, np.bool_)
-    full_seeds[rows] = seeds
-    variance = np.zeros(total, np.float64)
-    variance[rows] = signal
-    accepted, mean, variance = grow_full_sectors(
-        full,
-        filled_up(ranges, rows, total, math.inf),
-        filled_up(heights, rows, total, math.nan),
-        full_seeds,
-        filled_up(caps, rows, total, 0.0),
-        variance,
-        length, signal, noise, variance_limit, residual_limit, rounds, reach, slope, gap,
-    )  # fmt: skip
-    return accepted[rows], mean[rows], variance[rows]
+    total = ranges.shape[0]
+    sectors = starts.shape[0] - 1
+    accepted = np.zeros(total, np.bool_)
+    mean = np.zeros(total, np.float64)
+    variance = np.full(total, signal, np.float64)
+    lent_heights = np.zeros(total, np.float64)
+    lent_noise = np.full(total, math.nan, np.float64)
+    changed = np.ones(sectors, np.bool_)
+    largest = 0
+    for s in range(sectors):
+        largest = max(largest, starts[s + 1] - starts[s])
+    factor = np.empty(2 * largest * largest, np.float64)
+    joining = np.empty(largest, np.int64)
+    # What sectors with something still uncertain ended with on their own: borrowing starts there,
+    # each time anew. The rows of their factors lie one after the other.
+    rows = np.zeros(sectors, np.int64)
+    begins = np.zeros(sectors, np.int64)
+    kept = np.empty(64 * total + 1, np.float64)
+    filled = 0
+    own_accepted = accepted
+    own_mean = mean
+    own_variance = variance
+    for turn in range(rounds + 1):
+        if turn == 1:
+            own_accepted, own_mean, own_variance = accepted.copy(), mean.copy(), variance.copy()
+        if turn > 0:
+            lend_heights(
+                starts, ranges, heights, mean, variance, variance_limit, reach, slope, gap,
+                lent_heights, lent_noise, changed,
+            )  # fmt: skip
+        for s in range(sectors):
+            if not changed[s]:
+                continue
+            own = slice(starts[s], starts[s + 1])
+            size = rows[s] * (starts[s + 1] - starts[s])
+            # Loops, as slices that are assigned to slices take a second to compile.
+            for k in range(size):
+                factor[k] = kept[begins[s] + k]
+            for j in range(starts[s], starts[s + 1]):
+                accepted[j], mean[j], variance[j] = own_accepted[j], own_mean[j], own_variance[j]
+            used = grow_sector(
+                ranges[own], heights[own], seeds[own], caps[own],
+                lent_heights[own], lent_noise[own],
+                length, signal, noise, variance_limit, residual_limit,
+                accepted[own], mean[own], variance[own], factor, rows[s], joining,
+            )  # fmt: skip
+            if turn == 0 and rounds > 0 and np.any(variance[own] >= variance_limit):
+                rows[s] = used
+                begins[s] = filled
+                size = used * (starts[s + 1] - starts[s])
+                while filled + size > kept.shape[0]:
+                    kept = np.concatenate((kept, np.empty_like(kept)))
+                for k in range(size):
+                    kept[filled + k] = factor[k]
+                filled += size
+    return accepted, mean, variance

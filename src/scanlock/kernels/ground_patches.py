@@ -246,7 +246,8 @@ def grow_patches(
         for i in members[first[p] : first[p + 1]]:
             patches[p, 3] += x[i]
             patches[p, 4] += y[i]
-        patches[p, 3:5] /= max(first[p + 1] - first[p], 1)
+        patches[p, 3] /= max(first[p + 1] - first[p], 1)
+        patches[p, 4] /= max(first[p + 1] - first[p], 1)
     accepted = np.zeros(patch_count, np.bool_)
     joining = np.zeros(patch_count, np.bool_)
     gates = np.full(x.shape[0], gate, np.float64)

@@ -126,5 +126,7 @@ def columns_and_ground(
             elif seen > 0.0:
                 opened[bare, 0], opened[bare, 1] = x, y
                 bare += 1
-    heights = np.where(counts > 0.0, totals / counts, math.nan)
-    return full[:standing].copy(), slots[:standing].copy(), opened[:bare].copy(), heights
+    for i in range(totals.shape[0]):
+        for j in range(totals.shape[1]):
+            totals[i, j] = totals[i, j] / counts[i, j] if counts[i, j] > 0.0 else math.nan
+    return full[:standing].copy(), slots[:standing].copy(), opened[:bare].copy(), totals

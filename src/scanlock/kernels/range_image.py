@@ -100,14 +100,16 @@ def nearest_around(ranges: NDArray[np.float64], reach: int) -> NDArray[np.float6
     # The least of a square is that of the least of its rows.
     for face in range(6):
         for i in range(side):
-            in_row[i] = ranges[face, i]
+            for j in range(side):
+                in_row[i, j] = ranges[face, i, j]
             for shift in range(1, min(reach, side - 1) + 1):
                 for j in range(side - shift):
                     in_row[i, j] = min(in_row[i, j], ranges[face, i, j + shift])
                 for j in range(shift, side):
                     in_row[i, j] = min(in_row[i, j], ranges[face, i, j - shift])
         for i in range(side):
-            around[face, i] = in_row[i]
+            for j in range(side):
+                around[face, i, j] = in_row[i, j]
             for k in range(max(0, i - reach), min(side, i + reach + 1)):
                 for j in range(side):
                     around[face, i, j] = min(around[face, i, j], in_row[k, j])

@@ -193,7 +193,8 @@ def voxel_sums(
     for row in range(count if done >= 0 else 0):
         if sums[row, 0] >= least_count:
             keys[full] = keys[row]
-            sums[full] = sums[row]
+            for entry in range(10):
+                sums[full, entry] = sums[row, entry]
             full += 1
     return done >= 0, keys[:full].copy(), sums[:full].copy()
 
