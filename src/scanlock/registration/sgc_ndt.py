@@ -43,9 +43,9 @@ class SgcNdt:
     spacing_share: float = 1.0
     """P2D: under a blur the voxels grow to this share of it."""
 
-    merge_share: float = 2.0
+    merge_share: float = 1.0
     """D2D: under a blur, the Gaussians in one cube of this many blurs become one; 0 leaves them
-    apart. The blur hides which they were."""
+    apart. The blur hides which they were; cubes of two blurs lose a pair carried by hand."""
 
     def __post_init__(self) -> None:
         if self.score not in ("d2d", "p2d"):
