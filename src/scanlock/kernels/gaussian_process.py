@@ -188,7 +188,7 @@ def lend_heights(
                     t = (s + side * step) % sectors
                     best = -1
                     nearest = gap
-                    first = first_from(ranges, starts[t], starts[t + 1], ranges[i] - gap)
+                    first = first_from(ranges, int(starts[t]), int(starts[t + 1]), ranges[i] - gap)
                     for j in range(first, starts[t + 1]):
                         outwards = ranges[j] - ranges[i]
                         if outwards >= gap:
