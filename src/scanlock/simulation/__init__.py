@@ -4,7 +4,8 @@
 ``SimulatedSequence(scene.world, hdl_64e(), street_drive(scene, rng), seed=1)`` a whole drive.
 A world of one's own is made of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
 `HeightField`, and seen by `simulate_scan`. ``ladar_run(seed=1)`` gives the range images of a
-ladar on a pan/tilt platform of an off-road vehicle. The same seed gives the same bytes.
+ladar on a pan/tilt platform of an off-road vehicle, and `scanlock.simulation.alike` has worlds that
+look alike from more than one place. The same seed gives the same bytes.
 """
 
 from scanlock.simulation.drive import CAR, ROBOT, Carrier, Drive, drive_along
