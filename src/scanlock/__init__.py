@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from scanlock.models.segmentation import segment as segment
     from scanlock.objectives.restraint import PosePrior as PosePrior
     from scanlock.registration.methods import METHODS as METHODS
+    from scanlock.registration.pose_covariance import PoseCovariance as PoseCovariance
     from scanlock.registration.prepared import PreparedScan as PreparedScan
     from scanlock.registration.prepared import prepare as prepare
     from scanlock.registration.register import register as register
     from scanlock.registration.result import Registration as Registration
     from scanlock.registration.result import Status as Status
     from scanlock.registration.sgc_ndt import SgcNdt as SgcNdt
+    from scanlock.registration.uncertainty import Uncertainty as Uncertainty
     from scanlock.registration.warm_up import warm_up as warm_up
 
 __version__ = "0.1.0.dev0"
@@ -36,6 +38,7 @@ _HOMES = {
     "InvalidInput": "scanlock.errors",
     "PointCloud": "scanlock.clouds.point_cloud",
     "Pose": "scanlock.geometry.pose",
+    "PoseCovariance": "scanlock.registration.pose_covariance",
     "PosePrior": "scanlock.objectives.restraint",
     "PreparedScan": "scanlock.registration.prepared",
     "Registration": "scanlock.registration.result",
@@ -44,6 +47,7 @@ _HOMES = {
     "Segmenter": "scanlock.models.segmentation",
     "SgcNdt": "scanlock.registration.sgc_ndt",
     "Status": "scanlock.registration.result",
+    "Uncertainty": "scanlock.registration.uncertainty",
     "prepare": "scanlock.registration.prepared",
     "register": "scanlock.registration.register",
     "segment": "scanlock.models.segmentation",

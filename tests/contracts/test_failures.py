@@ -76,7 +76,7 @@ def test_scans_out_of_reach_return_the_initial_pose(method):
         return
     assert found.status is not Status.OK
     if TRAITS[method].is_bounded:
-        assert found.status is Status.NO_SUPPORT
+        assert found.status is Status.NO_CORRESPONDENCES
         assert found.target_from_source == initial
         assert found.overlap == 0.0
 
@@ -84,7 +84,7 @@ def test_scans_out_of_reach_return_the_initial_pose(method):
 def test_no_support_always_means_the_initial_pose(method):
     found = register(*_unlike_heaps(), method=method)
     assert not found.ok
-    is_untouched = found.status in (Status.NO_SUPPORT, Status.NO_FEATURES)
+    is_untouched = found.status is Status.NO_CORRESPONDENCES
     assert (found.target_from_source == Pose.identity()) == is_untouched
 
 
@@ -103,12 +103,12 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
         (featureless, featureless, "target"),
     ):
         found = register(scene, reference, method=method, initial=initial)
-        assert found.status is Status.NO_FEATURES
+        assert found.status is Status.NO_CORRESPONDENCES
         assert role in found.reason
         assert found.target_from_source == initial
         assert math.isnan(found.overlap)
         assert math.isnan(found.score)
-        assert found.as_dict()["score"] is None
+        assert found.as_dict()["metrics"]["score"] is None
         assert found.history == ()
 
 
@@ -116,7 +116,8 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
 def test_scans_of_other_places_are_not_trusted(method, layout):
     other = street(2, 4000, layout=100 + layout)
     found = register(other, target(), method=method)
-    assert found.status in (Status.LOW_OVERLAP, Status.NOT_CONVERGED, Status.NO_SUPPORT)
+    assert found.status is not Status.OK
+    assert found.status is not Status.DEGENERATE
     assert np.isfinite(found.target_from_source.matrix).all()
 
 
@@ -133,10 +134,12 @@ def test_the_direction_along_which_a_scene_slides_is_named(method, name):
     turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
     found = register(turned, turned, method=method)
     assert found.status is Status.DEGENERATE
-    x, y, z = (float(part) for part in found.reason.split("(")[1].split(")")[0].split(","))
+    weak = [one for one in found.weak_directions if one.kind == "translation"]
+    assert str(weak[0]) in found.reason
     # A wall slides along itself any way; the floor of a corridor leaves but one.
-    assert abs(y * np.cos(0.5) - x * np.sin(0.5)) < 0.1
-    assert name == "wall" or abs(z) < 0.1
+    for x, y, z in (one.axis for one in weak):
+        assert abs(y * np.cos(0.5) - x * np.sin(0.5)) < 0.1
+        assert name == "wall" or abs(z) < 0.1
 
 
 def test_poses_are_finite_however_a_registration_ends(method):

@@ -98,7 +98,12 @@ def test_every_kernel_is_compiled_for_one_signature(method):
     assert done.stderr == ""
     signatures = dict(line.split() for line in done.stdout.splitlines())
     assert set(signatures.values()) <= {"0", "1"}
-    used = {"polar.polar_cells", "cutting.cut_by_extent", "meeting.met_and_score"}
+    used = {
+        "polar.polar_cells",
+        "cutting.cut_by_extent",
+        "meeting.met_and_score",
+        "probing.sums_near",
+    }
     used |= {"grouping.occupied_cells", "grouping.joined_groups"}
     if "p2d" in method:
         used |= {"p2d.p2d_terms", "p2d.point_balls", "morton.morton_codes"}

@@ -22,10 +22,10 @@ def d2d_squared(pose, target_means, target_covariances, source_means, source_cov
     return np.einsum("ija,ijab,ijb->ij", gaps, np.linalg.inv(sums), gaps)
 
 
-def d2d_value(pose, target, source, **shape):
-    """Minus the weighted sum over all pairs; weights are roots of counts, of unit length."""
+def d2d_value(pose, target, source, power=0.5, **shape):
+    """Minus the weighted sum over all pairs; weights are powers of counts, of unit length."""
     s = d2d_squared(pose, target.means, target.covariances, source.means, source.covariances)
-    weights = [np.sqrt(side.counts) / np.sqrt(side.counts.sum()) for side in (source, target)]
+    weights = [side.counts**power / np.linalg.norm(side.counts**power) for side in (source, target)]
     return -float(weights[0] @ rho(s, **shape) @ weights[1])
 
 

@@ -38,6 +38,8 @@ def show_registration(
     truth : Pose, optional
         The true pose, if it is known.
     """
+    from scanlock.registration.summary import direction_rows, metric_rows
+
     status = result.status.value.replace("_", " ")
     rows: Facts = [
         ("why", result.reason),
@@ -48,9 +50,9 @@ def show_registration(
     ]
     if truth is not None:
         rows.append(("error", _error(result.target_from_source, truth)))
-    if not math.isnan(result.overlap):
-        rows.append(("overlap", f"{100 * result.overlap:.0f} % of the scene meets the reference"))
-        rows.append(("score", f"{result.score:.2f}, of 1 for identical scans"))
+    rows.append(("right", f"with a probability of {result.probability:.3f}"))
+    rows.extend(metric_rows(result.metrics))
+    rows.extend(direction_rows(result.weak_directions))
     if result.candidates:
         rows.append(("chosen", _choice(result)))
     pose = _matrix(result.target_from_source)
@@ -125,14 +127,9 @@ def _triple(values: "Vector | list[float]", digits: int) -> str:
 
 
 def _choice(result: "Registration") -> str:
-    best = result.candidates[0]
-    found = f"by {best.maker}"
-    if not math.isnan(best.violation):
-        found += f"; {100 * best.violation:.0f} % stands where the other scan looked through"
+    found = f"by {result.candidates[0].maker}"
     rivals = len(result.candidates) - 1
-    if rivals == 0 or math.isnan(result.second_best):
-        return f"{found}; no rival"
-    return f"{found}; {rivals} rivals, the best agrees {100 * result.second_best:.0f} % as well"
+    return f"{found}; no rival" if rivals == 0 else f"{found}; {rivals} rivals"
 
 
 def _matrix(pose: "Pose") -> str:

@@ -3,8 +3,9 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Vector
+from scanlock.arrays import Matrix, Points, Vector
 
 _SMALL_ANGLE = 1e-4
 """Below this angle [rad] the series of sin(a)/a and (1-cos a)/a^2 are exact to rounding."""
@@ -18,6 +19,14 @@ def hat(vector: Vector) -> Matrix:
                      [  z, 0.0,  -x],
                      [ -y,   x, 0.0]])
     # fmt: on
+
+
+def hats(vectors: Points) -> NDArray[np.float64]:
+    """Return (n, 3, 3) the cross-product matrices of (n, 3) vectors; see `hat`."""
+    found = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    found[:, 0, 1], found[:, 0, 2], found[:, 1, 2] = -z, y, -x
+    return found - found.transpose(0, 2, 1)
 
 
 def exp_rotation(phi: Vector) -> Matrix:

@@ -59,11 +59,14 @@ def _add_block(
 
 
 @kernel
-def _note_meetings(owners: Labels, squared: Vector, count: int, limit: float, met: Mask) -> None:
-    """Mark the sources of the pairs that are nearer than the limit."""
+def _note_meetings(
+    owners: Labels, squared: Vector, count: int, limit: float, met: Mask, met_targets: Mask
+) -> None:
+    """Mark both sides of the pairs that are nearer than the limit."""
     for p in range(count):
         if squared[p] < limit:
-            met[owners[p]] = True
+            met[owners[0, p]] = True
+            met_targets[owners[1, p]] = True
 
 
 @kernel
@@ -93,8 +96,8 @@ def met_and_score(
     limit: float,
     window_start: float,
     window_end: float,
-) -> tuple[Mask, float]:
-    """Return (m,) whether a target lies near each source, and the D2D score of all pairs.
+) -> tuple[Mask, Mask, float]:
+    """Return (m,) which sources and (k,) which targets have one near, and the D2D score of all.
 
     Near is a squared distance of the means, under the sum of their covariances, below `limit`.
     The score is ``sum w_i w_j exp(-s / 2) W(s)`` over the squared distances s, with the window W
@@ -111,9 +114,9 @@ def met_and_score(
         room[t] = window_end * target_widths[j]
         widest = max(widest, room[t])
     excess, near = np.empty(k), np.empty(k + 1, np.int64)
-    met = np.zeros(source_means.shape[0], np.bool_)
+    met, met_targets = np.zeros(source_means.shape[0], np.bool_), np.zeros(k, np.bool_)
     block, squared = np.empty((_PARTS, _ROW)), np.empty(_BLOCK)
-    owners = np.empty(_BLOCK, np.int64)
+    owners = np.empty((2, _BLOCK), np.int64)
     filled = 0
     score = 0.0
     for i in range(source_means.shape[0]):
@@ -139,12 +142,12 @@ def met_and_score(
             for a in range(6):
                 block[3 + a, p] = source_covariances[i, a] + target_covariances[j, a]
             block[9, p] = source_weights[i] * target_weights[j]
-            owners[p] = i
+            owners[0, p], owners[1, p] = i, near[t]
             filled += 1
             if filled == _BLOCK:
                 score += _add_block(block, filled, window_start, window_end, squared)
-                _note_meetings(owners, squared, filled, limit, met)
+                _note_meetings(owners, squared, filled, limit, met, met_targets)
                 filled = 0
     score += _add_block(block, filled, window_start, window_end, squared)
-    _note_meetings(owners, squared, filled, limit, met)
-    return met, score
+    _note_meetings(owners, squared, filled, limit, met, met_targets)
+    return met, met_targets, score

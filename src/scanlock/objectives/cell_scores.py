@@ -5,13 +5,13 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, read_only
+from scanlock.arrays import Labels, Points, Vector, read_only
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.cells import cell_terms, trilinear_terms
 from scanlock.models.voxel_gaussians import VoxelGaussians
 from scanlock.objectives.gaussian_scores import ScoreShape
-from scanlock.objectives.quadratic import Curvature, Quadratic
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
 
 CellMeeting = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
 """Which cells of the target a point of the source meets.
@@ -60,12 +60,27 @@ class PointsToCells:
         """The points of the source."""
         return len(self.points)
 
+    @property
+    def places(self) -> Points:
+        """The points of the source."""
+        return self.points
+
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
+        return Quadratic.from_terms(self._terms(pose, self.points))
+
+    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+        """Return what the points of each unit add to gradient and Hessian at `pose`."""
+        order, runs = gathered(units)
+        points = read_only(self.points[order])
+        terms = [self._terms(pose, points[run]) for run in runs]
+        return QuadraticShares.from_terms(np.array(terms))
+
+    def _terms(self, pose: Pose, points: Points) -> Vector:
         target = self.target
         gaussians = target.gaussians
         grid = target.table, target.cells, target.corner, target.width
-        given = self.points, gaussians.means, gaussians.packed_precisions, *grid
+        given = points, gaussians.means, gaussians.packed_precisions, *grid
         exact = float(self.curvature == "exact")
         rest = pose.rotation, pose.translation, *self.shape.parameters, exact
         if self.meeting == "trilinear":
@@ -73,4 +88,4 @@ class PointsToCells:
         else:
             reach = target.width if self.meeting == "near-cells" else np.inf
             terms = cell_terms(*given, _OFFSETS[self.meeting], float(reach), *rest)
-        return Quadratic.from_terms(self.shape.height / len(self.points) * terms)
+        return self.shape.height / len(self.points) * terms

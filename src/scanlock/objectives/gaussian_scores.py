@@ -1,12 +1,12 @@
 """The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Points, Vector, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.d2d import d2d_terms
@@ -15,7 +15,7 @@ from scanlock.kernels.p2d import p2d_terms, point_balls
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Candidates, Lists
 from scanlock.objectives.near_pairs import NearPairs, Reach
-from scanlock.objectives.quadratic import Curvature, Quadratic
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
 from scanlock.threads import spread
 
 _KEPT = "_near_pairs"
@@ -125,6 +125,23 @@ class GaussiansToGaussians:
             terms = parts[0] if len(parts) == 1 else np.sum([np.zeros(28), *parts], axis=0)
         return Quadratic.from_terms(self.shape.height * terms)
 
+    @property
+    def places(self) -> Points:
+        """The means of the source."""
+        return self.source.means
+
+    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+        """Return what the Gaussians of each unit add to gradient and Hessian."""
+        order, runs = gathered(units)
+        ordered = replace(self, source=self.source.taken(order))
+        if self.candidates is not None:
+            lists, starts, members = self.candidates.at(pose.apply(ordered.source.means))
+        else:
+            every = slice(0, len(order))
+            lists, starts, members = NearPairs(ordered._reach, pose).listed(every)
+        terms = [ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
+        return QuadraticShares.from_terms(self.shape.height * np.array(terms))
+
     @cached_property
     def _weights(self) -> tuple[Vector, Vector]:
         return self.target.weights(self.weight_power), self.source.weights(self.weight_power)
@@ -177,17 +194,33 @@ class PointsToGaussians:
         """The points of the source."""
         return len(self.points)
 
+    @property
+    def places(self) -> Points:
+        """The points of the source."""
+        return self.points
+
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
+        return Quadratic.from_terms(self._terms(pose, *self._blocks))
+
+    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+        """Return what the points of each unit add to gradient and Hessian at `pose`."""
+        order, runs = gathered(units)
+        points = read_only(self.points[order])
+        terms = [self._terms(pose, points[run], point_balls(points[run])) for run in runs]
+        return QuadraticShares.from_terms(np.array(terms))
+
+    def _terms(self, pose: Pose, points: Points, balls: Matrix) -> Vector:
         terms = p2d_terms(
-            *self._blocks,
+            points,
+            read_only(balls),
             self._rows,
             pose.rotation,
             pose.translation,
             *self.shape.parameters,
             float(self.curvature == "exact"),
         )
-        return Quadratic.from_terms(self.shape.height / len(self.points) * terms)
+        return self.shape.height / len(self.points) * terms
 
     @cached_property
     def _blocks(self) -> tuple[Points, Matrix]:

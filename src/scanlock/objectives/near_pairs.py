@@ -131,7 +131,7 @@ class NearPairs:
         """Return the lists of the sources of a part."""
         kept = self._kept.get(part)
         if kept is None:
-            kept = self._listed(part)
+            kept = self.listed(self.rows(part))
             # A copy at one stroke: other threads may be adding theirs.
             if sum(len(members) for _, _, members in list(self._kept.values())) < _MOST_KEPT:
                 self._kept[part] = kept
@@ -146,8 +146,9 @@ class NearPairs:
         shift = change @ self.reach.centre + pose.translation - self.pose.translation
         return turn <= self.reach.turn and math.sqrt(float(shift @ shift)) <= self.reach.shift
 
-    def _listed(self, part: int) -> Lists:
-        rows, reach = self.rows(part), self.reach
+    def listed(self, rows: slice) -> Lists:
+        """Return the lists of some sources, made anew."""
+        reach = self.reach
         ends, members = targets_in_reach(
             *reach.grid,
             read_only(reach.source.means[rows]),

@@ -7,7 +7,7 @@ import numpy as np
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.pairs import pair_precisions, pair_terms
-from scanlock.objectives.quadratic import Curvature, Quadratic
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
 
 _ROWS = [0, 0, 0, 1, 1, 2]
 _COLUMNS = [0, 1, 2, 1, 2, 2]
@@ -52,19 +52,38 @@ class PointPairs:
         """How many pairs there are."""
         return len(self.target_rows)
 
+    @property
+    def places(self) -> Points:
+        """The point of the source of each pair."""
+        return self.source[self.source_rows]
+
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`; there must be a pair."""
+        terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
+        return Quadratic.from_terms(terms)
+
+    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+        """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
+        order, runs = gathered(units)
+        precisions = read_only(self.precisions[order])
+        rows = read_only(self.target_rows[order]), read_only(self.source_rows[order])
+        terms = [self._terms(pose, precisions[run], *(one[run] for one in rows)) for run in runs]
+        return QuadraticShares.from_terms(np.array(terms))
+
+    def _terms(
+        self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels
+    ) -> Vector:
         terms = pair_terms(
             self.target,
             self.source,
-            self.precisions,
-            self.target_rows,
-            self.source_rows,
+            precisions,
+            target_rows,
+            source_rows,
             pose.rotation,
             pose.translation,
             float(self.curvature == "exact"),
         )
-        return Quadratic.from_terms(terms / self.count)
+        return terms / self.count
 
 
 def point_precisions(weights: Vector) -> Matrix:

@@ -1,11 +1,11 @@
 """What a solver sees of an objective at one pose."""
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Vector
+from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.geometry.pose import Pose
 
 _UPPER = np.triu_indices(6)
@@ -58,6 +58,57 @@ class Objective(Protocol):
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose` (target from source)."""
         ...
+
+
+@runtime_checkable
+class Parted(Objective, Protocol):
+    """An objective that is a sum over parts of the source, and can tell their shares."""
+
+    @property
+    def places(self) -> Points:
+        """(m, 3) where the parts lie, in the source's frame [m]."""
+        ...
+
+    def shares(self, pose: Pose, units: Labels) -> "QuadraticShares":
+        """Return what each unit adds to gradient and Hessian at `pose`.
+
+        Parameters
+        ----------
+        pose : Pose
+            Target from source.
+        units : (m,)
+            The unit that each part belongs to, from 0 on, none of them empty.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuadraticShares:
+    """What units of an objective add to its derivatives at a pose.
+
+    Attributes
+    ----------
+    gradients : (u, 6)
+    hessians : (u, 6, 6)
+    """
+
+    gradients: Matrix
+    hessians: Matrix
+
+    @classmethod
+    def from_terms(cls, terms: Matrix) -> "QuadraticShares":
+        """Return the shares of a kernel's 28 sums, a row for each unit."""
+        hessians = np.empty((len(terms), 6, 6))
+        hessians[:, _UPPER[0], _UPPER[1]] = terms[:, 7:]
+        hessians[:, _UPPER[1], _UPPER[0]] = terms[:, 7:]
+        return cls(np.ascontiguousarray(terms[:, 1:7]), hessians)
+
+
+def gathered(units: Labels) -> tuple[Labels, list[slice]]:
+    """Return the rows with those of each unit together, and where each unit then lies."""
+    order = np.argsort(units, kind="stable")
+    ends = np.cumsum(np.bincount(units)).tolist()
+    return read_only(order), [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
 
 
 def _symmetric(upper: Vector) -> Matrix:

@@ -144,7 +144,7 @@ class Restraint:
 
     def on(self, objective: Objective) -> Objective:
         """Return the objective under this restraint; any solver can minimise it."""
-        return objective if self.is_free else _Restrained(objective, self)
+        return objective if self.is_free else Restrained(objective, self)
 
 
 FREE = Restraint()
@@ -152,14 +152,23 @@ FREE = Restraint()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Restrained:
-    """An objective plus the prior's share, flat along the locked directions."""
+class Restrained:
+    """An objective plus the prior's share, flat along the locked directions.
+
+    Attributes
+    ----------
+    objective : Objective
+        What the scans say.
+    restraint : Restraint
+        What else holds the pose.
+    """
 
     objective: Objective
     restraint: Restraint
 
     @property
     def count(self) -> int:
+        """As of the objective alone."""
         return self.objective.count
 
     def linearise(self, pose: Pose) -> Quadratic:

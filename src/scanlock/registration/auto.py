@@ -14,6 +14,7 @@ from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.candidate import Candidate, plausibility
 from scanlock.registration.cluster_matching import ClusterMatcher
 from scanlock.registration.descents import Descent, Descents
+from scanlock.registration.evidence import evidence_of
 from scanlock.registration.fine_stage import FineStage
 from scanlock.registration.heading_search import HeadingSearch
 from scanlock.registration.hypothesis import Hypothesis, distinct
@@ -100,8 +101,8 @@ class Auto:
         with clock.stage("view"):
             view = None if self.search is None else self.search.view(cloud, ground)
             level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
-        with clock.stage("ranges"):
-            ranges = None if self.imager is None else self.imager.image(cloud)
+        with clock.stage("evidence"):
+            evidence = evidence_of(found, self.imager)
         with clock.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
         return AutoScan(
@@ -110,7 +111,7 @@ class Auto:
             tuple(parts[radius] for radius in near),
             view,
             level,
-            ranges,
+            evidence,
             fine,
             {**clock.seconds, **found.timings},
         )
@@ -142,7 +143,8 @@ class Auto:
         for ends in (self._first_ends, self._further_ends):
             ended, steps = ends(target, source, initial, restraint)
             history += steps + tuple(step for one in ended for step in one.solution.history)
-            rivals += [(judged(target, source, one), one.solution) for one in ended]
+            evidence = target.evidence, source.evidence
+            rivals += [(judged(*evidence, one), one.solution) for one in ended]
             count = len(source.parts[-1])
             rivals.sort(key=lambda rival: self._standing(*rival, restraint, count), reverse=True)
             poses = [candidate.target_from_source for candidate, _ in rivals]
@@ -172,8 +174,9 @@ class Auto:
         proposed: list[Hypothesis] = []
         if self.deeper is not None and target.view is not None and source.view is not None:
             proposed = self.deeper.hypotheses(target.view, source.view)
+        evidence = target.evidence, source.evidence
         proposed.sort(
-            key=lambda one: one.weight * plausibility(violation(target, source, one.pose)),
+            key=lambda one: one.weight * plausibility(violation(*evidence, one.pose)),
             reverse=True,
         )
         proposed = proposed[:_MOST_IN_DOUBT]
@@ -203,7 +206,7 @@ class Auto:
             source.parts,
             [replace(one, pose=restraint.held(one.pose, start)) for one in hypotheses],
             restraint,
-            lambda pose: plausibility(violation(target, source, pose)),
+            lambda pose: plausibility(violation(target.evidence, source.evidence, pose)),
         )
         return [self._refined(target, source, one, restraint) for one in ended], history
 

@@ -7,7 +7,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.plan_view import PlanView
-from scanlock.models.range_image import RangeImage
+from scanlock.registration.evidence import Evidence
 from scanlock.registration.fine_stage import FineScan
 from scanlock.registration.landmarks import LEAST_PARTS, Landmarks
 
@@ -28,8 +28,8 @@ class AutoScan:
         What the search sees of it.
     level : Pose or None
         Turns it upright, with its ground at z = 0; None where no ground says which way is up.
-    ranges : RangeImage or None
-        How far it saw; None where the origin of its frame is no sensor.
+    evidence : Evidence
+        What candidates are judged by.
     fine : FineScan or None
         Its small cells.
     timings : mapping of str to float [s]
@@ -41,7 +41,7 @@ class AutoScan:
     parts: tuple[Gaussians, ...]
     view: PlanView | None
     level: Pose | None
-    ranges: RangeImage | None
+    evidence: Evidence
     fine: FineScan | None
     timings: Mapping[str, float]
 

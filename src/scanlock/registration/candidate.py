@@ -24,25 +24,28 @@ class Candidate:
         What proposed it: "heading search", "cluster matching", "prior", "initial pose", or
         "identity" where none of these led anywhere.
     overlap : float
-        Share of the source's parts that meet a part of the target, in [0, 1]; NaN without parts.
+        Share of the source's parts that meet a part of the target, in [0, 1].
+    target_overlap : float
+        Share of the target's parts that meet a part of the source, in [0, 1].
     score : float
-        Correlation of the two scans' Gaussians, in [0, 1]; NaN without parts.
+        Correlation of the two scans' Gaussians, in [0, 1].
     violation : float
         Share of the parts of either scan that lie where the other one looked through, in [0, 1];
         NaN where that cannot be told.
+
+    `scanlock.registration.metrics.Metrics` says exactly what the numbers are.
     """
 
     target_from_source: Pose
     maker: str
     overlap: float
+    target_overlap: float
     score: float
     violation: float
 
     @property
     def agreement(self) -> float:
-        """Overlap times score times plausibility, in [0, 1]; 0 without parts."""
-        if math.isnan(self.score):
-            return 0.0
+        """Overlap times score times plausibility, in [0, 1]."""
         return self.overlap * self.score * plausibility(self.violation)
 
     @property

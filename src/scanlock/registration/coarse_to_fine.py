@@ -101,7 +101,8 @@ class CoarseToFine:
                     solutions.append(solution)
         best = min(solutions, key=lambda one: one.quadratic.value)
         pose = start if best.reason is StopReason.NO_SUPPORT else best.pose
-        return replace(best, pose=pose, history=tuple(history))
+        finest = objective_at(len(self.scales) - 1)
+        return replace(best, pose=pose, history=tuple(history), objective=finest)
 
     def _descend(
         self,

@@ -1,7 +1,7 @@
 """Descents from many hypotheses, of which few are followed to the end."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
@@ -105,7 +105,10 @@ class Descents:
                 )
             )
             solver = loosened(self.solver, self.loose_step * scale.blur)
-            ended = [Descent(maker, solver.minimise(objective, pose)) for maker, pose in running]
+            ended = [
+                Descent(maker, replace(solver.minimise(objective, pose), objective=objective))
+                for maker, pose in running
+            ]
             history += [step for one in ended for step in one.solution.history]
             ended = self._best_of(ended, plausibility)
             running = [(one.maker, one.solution.pose) for one in ended]

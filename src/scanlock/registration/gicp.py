@@ -17,7 +17,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
 from scanlock.models.surfaces import Neighbourhoods, SurfaceShape, require_surface
 from scanlock.objectives.distribution_pairs import DistributionPairs
-from scanlock.objectives.quadratic import Quadratic
+from scanlock.objectives.quadratic import Objective, Quadratic
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.stages import StageClock
 from scanlock.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -200,6 +200,7 @@ class Gicp:
         tolerance = self.tolerance if is_last else max(self.tolerance, _LOOSE_STEP * scale)
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
+        objective: Objective | None = None
         for _ in range(self.rounds):
             pairs, distance = self._meet(scale, target, source, pose, closest)
             note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
@@ -207,7 +208,8 @@ class Gicp:
                 history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
                 reason = StopReason.NO_SUPPORT
                 break
-            solution = self.solver.minimise(restraint.on(pairs), pose)
+            objective = restraint.on(pairs)
+            solution = self.solver.minimise(objective, pose)
             first, *others = (replace(one, pairs=pairs.count) for one in solution.history)
             history += [replace(first, mean_distance=distance), *others]
             metres, radians = pose.distance(solution.pose)
@@ -215,7 +217,7 @@ class Gicp:
             if math.hypot(metres, self.lever * radians) < tolerance:
                 reason = StopReason.STEP_SMALL
                 break
-        return Solution(pose, quadratic, reason, tuple(history), (note,))
+        return Solution(pose, quadratic, reason, tuple(history), (note,), objective)
 
     def _misfit(
         self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: ClosestPoints

@@ -160,7 +160,8 @@ class Icp:
                 trail.add(_NOTHING, pose, pairs, accepted=False)
                 return trail.solution(start, _NOTHING, StopReason.NO_SUPPORT)
             objective = self.fit.objective(target, source, pairs, pose)
-            quadratic = restraint.on(objective).linearise(pose)
+            restrained = restraint.on(objective)
+            quadratic = restrained.linearise(pose)
             trail.add(quadratic, pose, pairs)
             reason, note = self.stopping.reason(trail.history)
             if reason is None and (period := trail.period(self.stopping.step)):
@@ -174,7 +175,7 @@ class Icp:
             if reason is not None:
                 share = len(pairs) / len(source.points)
                 trail.note(f"{len(pairs)} pairs, {share:.0%} of the source")
-                return trail.solution(pose, quadratic, reason)
+                return trail.solution(pose, quadratic, reason, restrained)
             pose, note = self.fit.moved(objective, quadratic, pose, restraint)
             trail.note(note)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.quadratic import Quadratic
+from scanlock.objectives.quadratic import Objective, Quadratic
 from scanlock.registration.pairing import Pairs
 from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.stopping import StopReason
@@ -127,6 +127,12 @@ class Trail:
         if text:
             self.notes[text] = None
 
-    def solution(self, pose: Pose, quadratic: Quadratic, reason: StopReason) -> Solution:
+    def solution(
+        self,
+        pose: Pose,
+        quadratic: Quadratic,
+        reason: StopReason,
+        objective: Objective | None = None,
+    ) -> Solution:
         """Return where it ended and all that was kept."""
-        return Solution(pose, quadratic, reason, tuple(self.history), tuple(self.notes))
+        return Solution(pose, quadratic, reason, tuple(self.history), tuple(self.notes), objective)

@@ -24,7 +24,7 @@ def minimise_in_turn(stages: Iterable[Stage], start: Pose) -> Solution:
         solution = solver.minimise(objective, pose)
         history.extend(solution.history)
         if best is None or solution.reason is not StopReason.NO_SUPPORT:
-            pose, best = solution.pose, solution
+            pose, best = solution.pose, replace(solution, objective=objective)
     assert best is not None
     return replace(best, history=tuple(history))
 

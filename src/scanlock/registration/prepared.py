@@ -89,9 +89,10 @@ def prepare(
     if kept.shortage:
         return PreparedScan(chosen, name, kept, None, kept.shortage, clock.seconds)
     with clock.stage("evidence"):
-        landmarks = kept.landmarks if isinstance(kept, AutoScan) else kept
-        if isinstance(landmarks, Landmarks) and not landmarks.shortage:
-            evidence = evidence_of(landmarks)
+        if isinstance(kept, AutoScan):
+            evidence = kept.evidence
+        elif isinstance(kept, Landmarks):
+            evidence = evidence_of(kept)
         else:
             evidence = find_evidence(cloud)
     parts = len(evidence.gaussians)

@@ -1,7 +1,8 @@
 """The front door: two scans in, one pose out."""
 
-import math
 import time
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -10,14 +11,19 @@ from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
-from scanlock.registration.agreement import overlap_and_score
 from scanlock.registration.auto import Found
-from scanlock.registration.evidence import Evidence
+from scanlock.registration.calibration import deviation_factor
+from scanlock.registration.confidence import probability
+from scanlock.registration.inspection import inspect
 from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
+from scanlock.registration.metrics import Metrics
+from scanlock.registration.pose_covariance import CovarianceWay, PoseCovariance
 from scanlock.registration.prepared import PreparedScan, named_method, prepare
 from scanlock.registration.result import Registration, Status
 from scanlock.registration.stages import StageClock
-from scanlock.registration.verdict import judge, weakest_direction
+from scanlock.registration.uncertainty import Uncertainty
+from scanlock.registration.verdict import judge
+from scanlock.solvers.solution import Solution
 from scanlock.threads import spread, using_threads
 
 
@@ -29,6 +35,8 @@ def register(
     initial: ArrayLike | Pose | None = None,
     dof: DegreesOfFreedom = "xyz+rpy",
     prior: PosePrior | None = None,
+    hold_weak: bool = False,
+    covariance: CovarianceWay | Uncertainty | None = None,
     threads: int = 1,
 ) -> Registration:
     """Return the pose that carries the source scan onto the target scan.
@@ -52,6 +60,14 @@ def register(
         everything, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for a flat world.
     prior : PosePrior, optional
         A Gaussian belief about the pose, weighed against the scans as one more observation.
+    hold_weak : bool
+        Whether directions that the scans leave open stay as in the prior, or else as in the
+        initial pose; one of the two must be given. The status is still ``degenerate``.
+    covariance : str or Uncertainty, optional
+        How ``result.covariance`` is found: ``"sandwich"`` by the scatter among independent parts of
+        the scene, for a few milliseconds; ``"hessian"`` by the curvature at the minimum alone,
+        overconfident; ``"sampled"`` by twelve registrations more, from starts around the pose; or
+        settings of your own. None leaves it out.
     threads : int
         How many threads may share the work; the result is the same to the last bit. Calls from
         threads or processes of your own need no more than one each.
@@ -65,12 +81,18 @@ def register(
     ------
     InvalidInput
         A scan of the wrong shape or type or without a finite point, an unknown method, a scan
-        prepared by another method, or an initial pose that is no rigid motion.
+        prepared by another method, an initial pose that is no rigid motion, or weak directions to
+        be held without a pose to hold them at.
     """
     begin = time.perf_counter()
     name, chosen = _method(method, source, target)
     start = _start(initial)
     Restraint(dof=dof)
+    if hold_weak and prior is None and initial is None:
+        raise InvalidInput(
+            "hold_weak needs a pose to hold weak directions at: give prior or initial"
+        )
+    uncertainty = Uncertainty(way=covariance) if isinstance(covariance, str) else covariance
     with using_threads(threads):
         sides = spread(lambda side: _ready(*side, chosen), ((target, "target"), (source, "source")))
     clock = StageClock()
@@ -90,7 +112,7 @@ def register(
         reason = f"the {role} {shortages[0] or shortages[1]}"
         clock.seconds["total"] = time.perf_counter() - begin
         return Registration(
-            start, Status.NO_FEATURES, reason, name, math.nan, math.nan, (), clock.seconds,
+            start, Status.NO_CORRESPONDENCES, reason, name, Metrics(), 0.0, (), (), clock.seconds,
             tuple(notes),
         )  # fmt: skip
 
@@ -107,13 +129,38 @@ def register(
                 found = Found(chosen.align(*kept, begins, restraint), ())
         solution = found.solution
     with clock.stage("verdict"):
-        overlap, score, status, reason = _verdict(found, evidence[0], evidence[1])
+        looked_at = evidence[0], evidence[1]
+        found_at = inspect(*looked_at, solution.pose, found.candidates)
+        if hold_weak and found_at.weak:
+            notes += [f"{one.name} held at the prior" for one in found_at.weak]
+            held_at = begins if restraint.prior is None else restraint.prior.pose
+            solution = replace(solution, pose=found_at.given_back(solution.pose, held_at))
+            found_at = inspect(*looked_at, solution.pose)
+        probable = probability(found_at.metrics, found_at.directions)
+        status, reason = judge(solution, found_at, probable)
+    sure = None
+    if uncertainty is not None:
+        with clock.stage("covariance"), using_threads(threads):
+            align = partial(_aligned, chosen, kept, restraint)
+            told = uncertainty.of(solution, deviation_factor(chosen), align)
+        if isinstance(told, str):
+            notes.append(f"no covariance: {told}")
+        else:
+            pose, place = caller_pose(solution.pose, *clouds), clouds[1].origin
+            sure = PoseCovariance(told[0], pose, place, uncertainty.way, told[1])
     clock.seconds["total"] = time.perf_counter() - begin
     return Registration(
-        caller_pose(solution.pose, *clouds), status, reason, name, overlap, score,
-        solution.history, clock.seconds, (*notes, *solution.notes),
+        caller_pose(solution.pose, *clouds), status, reason, name, found_at.metrics, probable,
+        found_at.directions, solution.history, clock.seconds, (*notes, *solution.notes),
         tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
+        sure,
     )  # fmt: skip
+
+
+def _aligned(
+    method: Method[Any], kept: tuple[Any, Any], restraint: Restraint, start: Pose
+) -> Solution:
+    return method.align(*kept, start, restraint)
 
 
 def _method(
@@ -155,15 +202,3 @@ def _local_prior(
     if prior is None:
         return None
     return PosePrior(local_pose(prior.pose, target, source), prior.covariance)
-
-
-def _verdict(found: Found, target: Evidence, source: Evidence) -> tuple[float, float, Status, str]:
-    chosen = found.candidates[0] if found.candidates else None
-    if chosen is not None and not math.isnan(chosen.score):
-        overlap, score = chosen.overlap, chosen.score
-    else:
-        both = target.gaussians, source.gaussians
-        overlap, score = overlap_and_score(*both, found.solution.pose)
-    weakest = weakest_direction(target.gaussians)
-    status, reason = judge(found.solution, overlap, score, *weakest, found.candidates)
-    return overlap, score, status, reason

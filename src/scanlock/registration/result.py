@@ -4,12 +4,22 @@ import enum
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
 
 from scanlock.geometry.pose import Pose
-from scanlock.registration.candidate import Candidate, second_best
+from scanlock.registration.candidate import Candidate
+from scanlock.registration.hold import HeldDirection
+from scanlock.registration.metrics import Metrics
+from scanlock.registration.pose_covariance import PoseCovariance
+from scanlock.registration.summary import (
+    Rows,
+    direction_rows,
+    html_table,
+    metric_rows,
+    text_table,
+)
 from scanlock.solvers.solution import Iteration
 
 
@@ -17,25 +27,22 @@ class Status(enum.Enum):
     """How a registration ended; only `OK` is a pose to use unseen."""
 
     OK = "ok"
-    """The solver converged and the scans overlap at the pose."""
-
-    LOW_OVERLAP = "low_overlap"
-    """The solver converged, but too little of the source meets the target at the pose."""
+    """The solver converged, and the scans agree at the pose as they do at right ones."""
 
     DEGENERATE = "degenerate"
-    """The scans look alike when shifted along some direction; the pose may be wrong along it."""
+    """The scans look alike when moved along some direction; the pose may be wrong along it."""
 
     AMBIGUOUS = "ambiguous"
     """Another pose, not near the one chosen, agrees nearly as well."""
 
+    LOW_OVERLAP = "low_overlap"
+    """Too little of the scans agrees at the pose: it is likely wrong, or they share too little."""
+
     NOT_CONVERGED = "not_converged"
     """The iteration limit came first; the pose is the best seen."""
 
-    NO_FEATURES = "no_features"
-    """A scan holds too few parts to register; the pose is the initial one, untouched."""
-
-    NO_SUPPORT = "no_support"
-    """Nothing of the two scans meets; the initial pose is returned untouched."""
+    NO_CORRESPONDENCES = "no_correspondences"
+    """Nothing of the two scans meets, or one holds too few parts; the initial pose, untouched."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,12 +59,15 @@ class Registration:
         One sentence that explains the status.
     method : str
         Name of the method, a key of `METHODS`.
-    overlap : float
-        Share of the source's parts, by weight, that meet a part of the target at the pose
-        within three standard deviations, in [0, 1]; NaN when nothing was registered.
-    score : float
-        Correlation of the two scans' Gaussians at the pose, in [0, 1]: 1 for identical scans;
-        NaN when nothing was registered.
+    metrics : Metrics
+        Every number that says how well the scans agree at the pose; all NaN when nothing was
+        registered.
+    probability : float
+        How probable it is that the pose is within 0.3 m and 1 degree of the truth, in [0, 1];
+        `scanlock.registration.confidence` says how it is made. 0 when nothing was registered.
+    directions : tuple of HeldDirection
+        How firmly the surfaces that both scans show hold the pose: three translations, least held
+        first, then three rotations. Empty where they share too few surfaces to tell.
     history : tuple of Iteration
         Every evaluation of the objective, coarsest scale first; poses in local coordinates.
     timings : mapping of str to float [s]
@@ -67,18 +77,23 @@ class Registration:
     candidates : tuple of Candidate
         The finished poses that a method which searches had to choose from, the chosen one first;
         empty for other methods.
+    covariance : PoseCovariance or None
+        How sure the pose is; None where it was not asked for or, as `notes` then say, cannot be
+        told.
     """
 
     target_from_source: Pose
     status: Status
     reason: str
     method: str
-    overlap: float
-    score: float
+    metrics: Metrics
+    probability: float
+    directions: tuple[HeldDirection, ...]
     history: tuple[Iteration, ...]
     timings: Mapping[str, float]
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    covariance: PoseCovariance | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -94,12 +109,24 @@ class Registration:
         return len(self.history)
 
     @property
-    def second_best(self) -> float:
-        """Agreement of the best rival as a share of the chosen pose's.
+    def overlap(self) -> float:
+        """Share of the source that meets the target, see `Metrics`."""
+        return self.metrics.overlap
 
-        0 where none was left at the end, near 1 for a toss-up; NaN for methods that do not search.
-        """
-        return second_best(self.candidates)
+    @property
+    def score(self) -> float:
+        """Correlation of the scans, see `Metrics`."""
+        return self.metrics.score
+
+    @property
+    def second_best(self) -> float:
+        """How well the best rival agrees, see `Metrics`."""
+        return self.metrics.second_best
+
+    @property
+    def weak_directions(self) -> tuple[HeldDirection, ...]:
+        """The directions that the scans leave open, see `HeldDirection.is_weak`."""
+        return tuple(one for one in self.directions if one.is_weak)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, ready for JSON; NaN becomes None."""
@@ -108,17 +135,29 @@ class Registration:
             "reason": self.reason,
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
-            "overlap": _number(self.overlap),
-            "score": _number(self.score),
+            "probability": self.probability,
+            "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
+            "directions": [
+                {
+                    "name": one.name,
+                    "kind": one.kind,
+                    "axis": one.axis.tolist(),
+                    "share": one.share,
+                    "deviation": one.deviation,
+                    "is_weak": one.is_weak,
+                }
+                for one in self.directions
+            ],
             "iterations": self.iterations,
             "timings_s": dict(self.timings),
             "notes": list(self.notes),
-            "second_best": _number(self.second_best),
+            "covariance": None if self.covariance is None else self.covariance.as_dict(),
             "candidates": [
                 {
                     "target_from_source": one.target_from_source.matrix.tolist(),
                     "maker": one.maker,
                     "overlap": _number(one.overlap),
+                    "target_overlap": _number(one.target_overlap),
                     "score": _number(one.score),
                     "violation": _number(one.violation),
                 }
@@ -135,10 +174,30 @@ class Registration:
         metres, radians = pose.distance(Pose.identity())
         return (
             f"Registration(status={self.status.value}, method={self.method}, "
-            f"moved={metres:.3f} m {math.degrees(radians):.2f} deg, overlap={self.overlap:.2f}, "
+            f"moved={metres:.3f} m {math.degrees(radians):.2f} deg, "
+            f"probability={self.probability:.3f}, overlap={self.overlap:.2f}, "
             f"score={self.score:.2f}, iterations={self.iterations}, "
             f"total={1e3 * self.timings.get('total', math.nan):.1f} ms)"
         )
+
+    def __str__(self) -> str:
+        return text_table(self._rows())
+
+    def _repr_html_(self) -> str:
+        return html_table(self._rows())
+
+    def _rows(self) -> Rows:
+        metres, radians = self.target_from_source.distance(Pose.identity())
+        return [
+            ("status", f"{self.status.value}: {self.reason}"),
+            ("probability", f"{self.probability:.3f} that the pose is right"),
+            ("method", f"{self.method}, {self.iterations} evaluations"),
+            ("moved", f"{metres:.3f} m, {math.degrees(radians):.3f} deg"),
+            *metric_rows(self.metrics),
+            *direction_rows(self.weak_directions),
+            ("time", f"{1e3 * self.timings.get('total', math.nan):.1f} ms"),
+            *(("note", note) for note in self.notes),
+        ]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Registration, (
@@ -146,12 +205,14 @@ class Registration:
             self.status,
             self.reason,
             self.method,
-            self.overlap,
-            self.score,
+            self.metrics,
+            self.probability,
+            self.directions,
             self.history,
             dict(self.timings),
             self.notes,
             self.candidates,
+            self.covariance,
         )
 
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.quadratic import Quadratic
+from scanlock.objectives.quadratic import Objective, Quadratic
 from scanlock.solvers.stopping import StopReason
 
 
@@ -51,6 +51,9 @@ class Solution:
     history : tuple of Iteration
     notes : tuple of str
         What was found on the way that a user may want to know.
+    objective : Objective or None
+        What was minimised at the last stage, under its restraint; None where a solver alone ran,
+        whose caller knows it.
     """
 
     pose: Pose
@@ -58,3 +61,4 @@ class Solution:
     reason: StopReason
     history: tuple[Iteration, ...]
     notes: tuple[str, ...] = ()
+    objective: Objective | None = None

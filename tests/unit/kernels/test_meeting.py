@@ -39,6 +39,8 @@ def test_meetings_match_the_definition(seed, limit):
     met = _meeting(target, source, limit)
     expected = meet(target.means, target.covariances, source.means, source.covariances, limit)
     np.testing.assert_array_equal(met, expected)
+    other_way = meet(source.means, source.covariances, target.means, target.covariances, limit)
+    np.testing.assert_array_equal(_met_and_score(target, source, limit)[1], other_way)
     assert len(set(expected)) == 2
 
 
@@ -68,6 +70,6 @@ def test_the_score_is_that_of_the_definition(seed, sizes):
     rng = np.random.default_rng(seed)
     # Some within the window, some on its slope, some beyond.
     target, source = (gaussians(rng, size, spread=12.0, most=3.0) for size in sizes)
-    _, score = _met_and_score(target, source, 9.0)
+    score = _met_and_score(target, source, 9.0)[2]
     expected = -reference.d2d_value(Pose.identity(), target, source)
     np.testing.assert_allclose(score, expected, rtol=1e-11, atol=1e-300)

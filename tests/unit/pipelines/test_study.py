@@ -114,7 +114,7 @@ def test_a_broken_scan_fails_its_pairs_and_no_others(scans):
 def test_an_empty_place_is_bad_luck_and_not_a_failure(scans):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
     record = next(_study(scans, load=lambda _: flat).records())
-    assert record.status == Status.NO_FEATURES.value
+    assert record.status == Status.NO_CORRESPONDENCES.value
     assert record.pose == Pose.identity()
     assert math.isnan(record.overlap)
 

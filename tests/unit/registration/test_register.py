@@ -45,7 +45,7 @@ def test_source_and_target_are_never_confused(scan):
 def test_a_scan_of_too_few_parts_is_named_in_the_reason(scan):
     few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])
     result = register(few, scan)
-    assert result.status is Status.NO_FEATURES
+    assert result.status is Status.NO_CORRESPONDENCES
     assert result.reason.startswith("the source holds 2 parts")
 
 

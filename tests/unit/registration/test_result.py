@@ -1,25 +1,32 @@
 import json
 import math
 import pickle
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
 
 from reference.samples import yaw_pose
 from scanlock.geometry.pose import Pose
+from scanlock.registration.hold import HeldDirection
+from scanlock.registration.metrics import Metrics
 from scanlock.registration.result import Registration, Status
 from scanlock.solvers.solution import Iteration
 
 _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 
 
-def _result(status=Status.OK, overlap=0.9, score=0.8):
+def _result(status=Status.OK, **metrics):
     history = (Iteration(-0.5, 0.1, 0.0, True, Pose.identity()),)
     timings = {"align": 0.25, "total": 0.5}
+    weak = HeldDirection("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
+    firm = HeldDirection("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
+    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "surface_overlap": 0.6}
+    known = Metrics(**{**seen, "score": 0.8, **metrics})
     return Registration(
-        _POSE, status, "because", "a-method", overlap, score, history, timings, ("a note",)
-    )
+        _POSE, status, "because", "a-method", known, 0.75, (weak, firm), history, timings,
+        ("a note",),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("status", Status)
@@ -37,10 +44,11 @@ def test_json_keeps_every_digit():
 
 
 def test_what_is_unknown_is_null_in_json():
-    result = _result(Status.NO_FEATURES, math.nan, math.nan)
-    plain = json.loads(result.to_json())
-    assert plain["overlap"] is None
-    assert plain["score"] is None
+    result = _result(Status.NO_CORRESPONDENCES, overlap=math.nan)
+    metrics = json.loads(result.to_json())["metrics"]
+    assert metrics["overlap"] is None
+    assert metrics["violation"] is None
+    assert metrics["score"] == 0.8
 
 
 def test_a_result_cannot_be_changed():
@@ -62,4 +70,30 @@ def test_the_repr_is_one_line_with_the_motion_and_the_verdict():
     assert "\n" not in text
     for part in ("status=ok", "a-method", "5.000 m 30.00 deg", "overlap=0.90", "500.0 ms"):
         assert part in text
-    assert "nan" in repr(_result(Status.NO_FEATURES, math.nan, math.nan))
+    assert "nan" in repr(_result(Status.NO_CORRESPONDENCES, overlap=math.nan))
+
+
+def test_the_shortcuts_are_the_metrics():
+    result = _result(second_best=0.4)
+    assert (result.overlap, result.score, result.second_best) == (0.9, 0.8, 0.4)
+
+
+def test_only_directions_that_nothing_holds_are_weak():
+    (weak,) = _result().weak_directions
+    assert weak.name == "forward"
+    assert [one["is_weak"] for one in _result().as_dict()["directions"]] == [True, False]
+
+
+@pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
+def test_people_read_a_small_table(shown):
+    text = shown(_result(Status.DEGENERATE, violation=math.nan))
+    for part in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
+        assert part in text
+    assert "violation" not in text
+    assert "nan" not in text
+
+
+def test_a_table_for_notebooks_escapes_what_is_not_its_own():
+    result = replace(_result(), reason="a < b & c")
+    assert "a &lt; b &amp; c" in result._repr_html_()
+    assert "a < b & c" in str(result)

@@ -13,7 +13,9 @@ from scanlock.kernels import (
     p2d,
     plan_view,
     polar,
+    probing,
     range_image,
+    sliding,
     turned_maps,
 )
 from scanlock.models.segmentation import segment
@@ -32,8 +34,10 @@ _KERNELS = (
     moments.labelled_moments,
     plan_view.column_slots,
     polar.polar_cells,
+    probing.sums_near,
     range_image.looked_through,
     range_image.nearest_ranges,
+    sliding.slid_scores,
     d2d.d2d_terms,
     p2d.p2d_terms,
     turned_maps.turned_maps,

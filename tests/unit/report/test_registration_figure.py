@@ -6,6 +6,7 @@ from matplotlib.colors import to_rgba_array
 
 from reference.samples import street, yaw_pose
 from scanlock import Pose, Registration, Status, segment
+from scanlock.registration.metrics import Metrics
 from scanlock.report.canvas import ALARM, BLUE, INK, VERMILION, save_figure
 from scanlock.report.registration_figure import registration_figure
 
@@ -13,7 +14,9 @@ MOTION = yaw_pose(0.2, (2.0, 1.0, 0.0))
 
 
 def _result(pose=MOTION, status=Status.OK, overlap=0.8):
-    return Registration(pose, status, "a reason", "a-method", overlap, 0.7, (), {"total": 0.1})
+    metrics = Metrics(overlap=overlap, score=0.7)
+    timings = {"total": 0.1}
+    return Registration(pose, status, "a reason", "a-method", metrics, 0.9, (), (), timings)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +78,7 @@ def test_the_title_says_the_status_and_the_error(scans, result, truth, parts, co
 
 def test_a_registration_of_nothing_has_a_picture_too(tmp_path):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
-    result = _result(Pose.identity(), Status.NO_FEATURES, math.nan)
+    result = _result(Pose.identity(), Status.NO_CORRESPONDENCES, math.nan)
     figure = registration_figure(flat, flat, result)
     assert "overlap" not in figure._suptitle.get_text()
     save_figure(tmp_path / "pair.png", figure)

@@ -1,0 +1,181 @@
+"""How far some points of one scan lie from the surface of another: a plane fitted at each."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.voxel_grid import voxel_labels
+from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
+from scanlock.kernels.probing import sums_near
+from scanlock.models.gaussians import unpacked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProbedSurface:
+    """The surface of a scan near m probes, where it is known: at k of them.
+
+    Attributes
+    ----------
+    met : (m,)
+        Whether the scan has points enough about a probe, off a line, to fit a plane to.
+    places : (k, 3) [m]
+        The probes that are met.
+    normals : (k, 3)
+        Unit normals of the planes, of either sign.
+    gaps : (k,) [m]
+        Signed distances of the probes from their planes, along the normals.
+    doubts : (k, 3, 3)
+        Covariance of each normal, from the thickness and the extent of what it was fitted to.
+    flatness : (k,)
+        How much of a plane it is: 1 less the variance across over that along its narrower side,
+        in [0, 1].
+    """
+
+    met: Mask
+    places: Points
+    normals: Points
+    gaps: Vector
+    doubts: NDArray[np.float64]
+    flatness: Vector
+
+    def __post_init__(self) -> None:
+        for array in (
+            self.met, self.places, self.normals, self.gaps, self.doubts, self.flatness,
+        ):  # fmt: skip
+            frozen(array)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SurfaceProber:
+    """Settings: which points of a scan are probes, and how the surface near them is found."""
+
+    spacing: float = 1.0
+    """At most one probe in each cube of this side [m], so that near walls do not decide alone."""
+
+    most: int = 1000
+    """How many probes a scan gets at most, evenly over its cubes."""
+
+    sample: int = 10000
+    """How many points of the scan the probes are chosen from, evenly over its rows."""
+
+    radii: tuple[float, ...] = (0.5, 1.0, 2.0)
+    """A plane is fitted to the points this near to a probe [m]: the first for dense scans, the next
+    ones for sparse scans, see `radii_for`."""
+
+    least_met: float = 0.3
+    """Of the probes of a scan so many must have a plane in the scan itself; else it is sparse."""
+
+    least_count: int = 8
+    """To so many at least: of fewer, some make planes across corners."""
+
+    least_breadth: float = 0.1
+    """And to no line: the variance along the narrower side of the points is at least this share of
+    that along the wider one."""
+
+    def __post_init__(self) -> None:
+        require_positive("spacing", self.spacing, unit="m")
+        if not self.radii:
+            raise InvalidInput("radii must not be empty")
+        for radius in self.radii:
+            require_positive("radii", radius, unit="m")
+        require_fraction("least_met", self.least_met)
+        require_count("most", self.most)
+        require_count("sample", self.sample)
+        require_count("least_count", self.least_count, least=3)
+        require_fraction("least_breadth", self.least_breadth)
+
+    def probes(self, cloud: PointCloud) -> Points:
+        """Return (m, 3) points of a cloud, spread evenly over what it shows."""
+        rows = np.flatnonzero(cloud.is_measured)
+        points = cloud.points[_evenly(rows, self.sample)]
+        if len(points) == 0:
+            return read_only(points)
+        labels, count = voxel_labels(points, self.spacing)
+        firsts = np.empty(count, np.int64)
+        firsts[labels[::-1]] = np.arange(len(labels))[::-1]
+        return read_only(points[_evenly(firsts, self.most)])
+
+    def radii_for(self, cloud: PointCloud, probes: Points) -> tuple[float, ...]:
+        """Return how near points must be to a probe [m] for a scan as dense as this one.
+
+        `probes` are its own. Dense scans are looked at in the narrowest circle alone, sparse ones
+        in all the wider ones, in turn.
+        """
+        some = probes[:: max(1, len(probes) // _ENOUGH)]
+        met = self.probe(cloud, some, self.radii[:1]).met
+        if np.count_nonzero(met) >= self.least_met * len(met) or len(self.radii) == 1:
+            return self.radii[:1]
+        return self.radii[1:]
+
+    def probe(self, cloud: PointCloud, probes: Points, radii: tuple[float, ...]) -> ProbedSurface:
+        """Return the surface of a cloud near (m, 3) probes [m] in its local frame.
+
+        Each probe is looked at within the first of the radii [m] in which it is met.
+        """
+        met = np.zeros(len(probes), np.bool_)
+        found = []
+        for radius in radii:
+            rows = np.flatnonzero(~met)
+            sums = sums_near(cloud.points, read_only(probes[rows]), float(radius))
+            surface = self._fitted(probes[rows], sums)
+            met[rows] = surface.met
+            found.append(surface)
+        return found[0] if len(found) == 1 else _joined(met, found)
+
+    def _fitted(self, probes: Points, sums: Matrix) -> ProbedSurface:
+        """Return the surface whose moments about the probes are (m, 10) `sums`."""
+        rows = np.flatnonzero(sums[:, 0] >= self.least_count)
+        counts, means = sums[rows, :1], sums[rows, 1:4] / sums[rows, :1]
+        covariances = unpacked(sums[rows, 4:] / counts) - means[:, :, None] * means[:, None, :]
+        variances, axes = np.linalg.eigh(covariances)
+        broad = variances[:, 1] > np.maximum(self.least_breadth * variances[:, 2], _LEAST_VARIANCE)
+        met = np.zeros(len(probes), np.bool_)
+        met[rows[broad]] = True
+        variances, axes = np.maximum(variances[broad], 0.0), axes[broad]
+        normals = axes[:, :, 0]
+        return ProbedSurface(
+            met,
+            probes[met],
+            normals,
+            -np.einsum("ij,ij->i", means[broad], normals),
+            _doubts(variances, axes, counts[broad, 0]),
+            1.0 - variances[:, 0] / variances[:, 1],
+        )
+
+
+def _joined(met: Mask, surfaces: list[ProbedSurface]) -> ProbedSurface:
+    """Return what was met in one circle after the other as one."""
+    return ProbedSurface(
+        met,
+        np.concatenate([one.places for one in surfaces]),
+        np.concatenate([one.normals for one in surfaces]),
+        np.concatenate([one.gaps for one in surfaces]),
+        np.concatenate([one.doubts for one in surfaces]),
+        np.concatenate([one.flatness for one in surfaces]),
+    )
+
+
+_ENOUGH = 200
+"""Probes that tell how dense a scan is."""
+
+_LEAST_VARIANCE = 1e-9
+"""Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""
+
+
+def _doubts(variances: Matrix, axes: NDArray[np.float64], counts: Vector) -> NDArray[np.float64]:
+    """Return (k, 3, 3) the covariances of the normals of planes fitted by least squares.
+
+    A normal tips along an axis of its plane as far as noise across lifts the ends of the points.
+    """
+    tips = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
+    return np.einsum("kia,ka,kja->kij", axes[:, :, 1:], tips, axes[:, :, 1:])
+
+
+def _evenly(rows: Labels, most: int) -> Labels:
+    """Return at most so many of the rows, evenly spaced."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]

@@ -1,0 +1,44 @@
+"""How many times larger the errors of poses are than the scatter within a pair of scans tells."""
+
+from typing import Any
+
+from scanlock.registration.auto import Auto
+from scanlock.registration.gicp import Gicp
+from scanlock.registration.icp import Icp
+from scanlock.registration.mskm_ndt import MskmNdt
+from scanlock.registration.ndt import Ndt
+from scanlock.registration.ndt_d2d import NdtD2d
+from scanlock.registration.sgc_ndt import SgcNdt
+
+_CELLS_TO_CELLS = 1.1
+_POINTS_TO_CELLS = 1.3
+_CLUSTERS = 1.65
+_SURFACES = {"closest": 1.4, "voxel": 1.2}
+_PAIRS = {"point-to-plane": 2.5, "point-to-point": 6.8}
+
+
+def deviation_factor(method: Any) -> float:
+    """Return the factor of the deviations of a method; 1 for one that was never measured.
+
+    The root of a sixth of the mean squared error, over the covariance that the scatter tells, of
+    simulated streets and forests, 1 to 15 m apart; ``benchmarks/uncertainty.py --calibrate``
+    measures it. All parts of a scan are seen from one side and drawn by one pattern of rings, and
+    what follows from that all units share. Closest points follow the rings of either scan: pairs
+    of them err together most, and the distance from point to point, which they make small by
+    shifting along a surface, most of all.
+    """
+    match method:
+        case Auto():
+            return deviation_factor(method.basin) if method.fine is None else _CELLS_TO_CELLS
+        case NdtD2d():
+            return _CELLS_TO_CELLS
+        case Ndt() | MskmNdt():
+            return _POINTS_TO_CELLS
+        case SgcNdt():
+            return _CLUSTERS
+        case Gicp():
+            return _SURFACES[method.meeting]
+        case Icp():
+            return _PAIRS[method.fit.residual]
+        case _:
+            return 1.0

@@ -1,0 +1,84 @@
+"""A pose looked at from all sides: what the verdict and the probability are made of."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.geometry.pose import Pose
+from scanlock.registration.agreement import candidate_at
+from scanlock.registration.candidate import Candidate, second_best
+from scanlock.registration.evidence import PROBER, Evidence
+from scanlock.registration.hold import HeldDirection, Hold, hold_at
+from scanlock.registration.meeting import slide_rivalry
+from scanlock.registration.metrics import Metrics
+
+_LEAST_SLIDE = 0.75
+"""A source slid by less [m] is no rival: parts are about as wide as that."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """What two scans say about a pose between them.
+
+    Attributes
+    ----------
+    metrics : Metrics
+    hold : Hold or None
+        How firmly the surfaces they share hold it; None where they share too few.
+    """
+
+    metrics: Metrics
+    hold: Hold | None
+
+    @property
+    def directions(self) -> tuple[HeldDirection, ...]:
+        """The directions of the hold, or none."""
+        return () if self.hold is None else self.hold.directions
+
+    @property
+    def weak(self) -> tuple[HeldDirection, ...]:
+        """The directions that nothing holds."""
+        return () if self.hold is None else self.hold.weak
+
+    def given_back(self, pose: Pose, prior: Pose) -> Pose:
+        """Return the pose with its weak directions as in the prior; see `Hold`."""
+        return pose if self.hold is None else self.hold.given_back(pose, prior)
+
+
+def inspect(
+    target: Evidence, source: Evidence, pose: Pose, candidates: Sequence[Candidate] = ()
+) -> Inspection:
+    """Return what two scans say about a pose, target from source in their local frames.
+
+    Parameters
+    ----------
+    target, source : Evidence
+    pose : Pose
+    candidates : sequence of Candidate
+        Where a search chose the pose, what it chose from, the chosen one first.
+    """
+    chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
+    surface = PROBER.probe(target.cloud, pose.apply(source.probes), target.radii)
+    hold = hold_at(surface, pose.translation, target.held)
+    slides = [] if hold is None else [one.axis for one in hold.directions[:2]]
+    rivals = [second_best(candidates)] + [
+        slide_rivalry(target.gaussians, source.gaussians, pose, axis, _LEAST_SLIDE)
+        for axis in slides
+    ]
+    known = [rival for rival in rivals if not math.isnan(rival)]
+    gaps = surface.gaps
+    return Inspection(
+        Metrics(
+            overlap=chosen.overlap,
+            target_overlap=chosen.target_overlap,
+            score=chosen.score,
+            inlier_rmse=math.sqrt(float(np.mean(gaps**2))) if len(gaps) else math.nan,
+            surface_overlap=float(np.mean(surface.met)) if len(surface.met) else math.nan,
+            drift=math.nan if hold is None else hold.drift,
+            violation=chosen.violation,
+            second_best=max(known, default=math.nan),
+        ),
+        hold,
+    )

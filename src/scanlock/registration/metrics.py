@@ -1,0 +1,55 @@
+"""Every number that says how well two scans agree at a pose, defined once."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Metrics:
+    """How well two scans agree at a pose, whatever method found it.
+
+    The parts of a scan are its clusters above the ground, as Gaussians; where there are too few,
+    cubes of the whole scan. They weigh by the fourth root of their points. Its probes are up to
+    1000 of its points, spread evenly, ground included. A number that cannot be told is NaN.
+
+    Attributes
+    ----------
+    overlap : float
+        Share of the source's parts, by weight, that meet a part of the target: the squared
+        Mahalanobis distance of their means, under the sum of their covariances, is below 9. In
+        [0, 1]; higher is better.
+    target_overlap : float
+        The same share of the target's parts that meet a part of the source.
+    score : float
+        The D2D score of the parts over the geometric mean of the scans' scores with themselves, in
+        [0, 1]; higher is better. 1 for a scan with itself; far apart, right poses have 0.1.
+    inlier_rmse : float [m]
+        Root of the mean squared distance of the source's probes from planes fitted to the
+        target's points within 0.5 m of them (1 or 2 m where it is sparse), over the inliers: the
+        probes with eight such points or more that lie on no line. Lower is better: noise and
+        roughness alone leave some centimetres. NaN without inliers.
+    surface_overlap : float
+        Share of the source's probes that are inliers, in [0, 1]; higher is better.
+    drift : float [m]
+        How far one step of Gauss and Newton onto those planes would still move the source, at 10 m
+        from its origin. Lower is better: right poses have centimetres. NaN with fewer than twelve
+        planes.
+    violation : float
+        Share of the parts that lie where the other scan looked through, of those it would have
+        seen, meaned over both scans. In [0, 1]; lower is better: moving objects leave 0.1. NaN
+        where the origin of neither frame is a sensor.
+    second_best : float
+        How well the best rival agrees as a share of the pose chosen, at least 0; lower is better,
+        1 is a toss-up. Rivals are the other poses that a search finished, by overlap, score and
+        violation together; and the source slid by 0.75 to 10 m along the two directions in which
+        the target holds it least, by score.
+    """
+
+    overlap: float = math.nan
+    target_overlap: float = math.nan
+    score: float = math.nan
+    inlier_rmse: float = math.nan
+    surface_overlap: float = math.nan
+    drift: float = math.nan
+    violation: float = math.nan
+    second_best: float = math.nan

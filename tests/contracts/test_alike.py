@@ -1,0 +1,92 @@
+"""Worlds that look alike from more than one place: no method may call a wrong pose right."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from reference.samples import yaw_pose
+from scanlock.registration.methods import METHODS
+from scanlock.registration.register import register
+from scanlock.registration.result import Status
+from scanlock.simulation import hdl_32e, simulate_scan
+from scanlock.simulation.alike import corridor, crossing, open_field, shaft, terrace, tunnel
+
+_WORLDS = {
+    "field": (open_field, 1.5),
+    "corridor": (corridor, 1.2),
+    "tunnel": (tunnel, 0.0),
+    "shaft": (shaft, 1.5),
+    "crossing": (crossing, 1.5),
+    "terrace": (terrace, 1.5),
+}
+
+_OPEN = {
+    "field": {("translation", 0), ("translation", 1), ("rotation", 2)},
+    "corridor": {("translation", 0)},
+    "tunnel": {("translation", 0), ("rotation", 0)},
+    "shaft": {("rotation", 2)},
+}
+"""What cannot be told, by kind and axis of the world."""
+
+_YAW = 0.3
+"""How far the target's frame is turned from the axes of the world [rad]."""
+
+
+@cache
+def _scans(name):
+    make, height = _WORLDS[name]
+    world, sensor = make(), replace(hdl_32e(), azimuth_steps=720)
+    rng = np.random.default_rng(5)
+    poses = yaw_pose(_YAW, (0.2, 0.1, height)), yaw_pose(_YAW + 0.1, (0.9, -0.2, height))
+    target, source = (simulate_scan(world, sensor, pose, rng).points for pose in poses)
+    return target, source, poses[0].inverse() @ poses[1]
+
+
+@pytest.fixture(params=METHODS)
+def method(request):
+    return request.param
+
+
+@pytest.mark.parametrize("name", _WORLDS)
+def test_a_pose_called_right_is_right(method, name):
+    target, source, truth = _scans(name)
+    starts = [None, truth]
+    if name not in ("crossing", "terrace") or METHODS[method] == METHODS["auto"]:
+        # Who starts at a twin of the true pose and looks nowhere else cannot know.
+        starts.append(yaw_pose(math.pi / 2, (4.0, 0.0, 0.0)) @ truth)
+    for initial in starts:
+        found = register(source, target, method=method, initial=initial)
+        metres, radians = found.target_from_source.distance(truth)
+        assert not found.ok or (metres < 0.3 and radians < math.radians(1.0))
+
+
+@pytest.mark.parametrize("name", _OPEN)
+def test_what_cannot_be_told_is_degenerate_and_named(name):
+    target, source, truth = _scans(name)
+    found = register(source, target, method="gicp", initial=truth)
+    assert found.status is Status.DEGENERATE
+    world_from_target = yaw_pose(_YAW, (0.0, 0.0, 0.0)).rotation
+    axes = {
+        (one.kind, int(np.argmax(np.abs(world_from_target @ one.axis))))
+        for one in found.weak_directions
+    }
+    assert axes == _OPEN[name]
+    assert all(one.name in found.reason for one in found.weak_directions)
+
+
+def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
+    target, source, truth = _scans("corridor")
+    along = yaw_pose(-_YAW, (0.0, 0.0, 0.0)).rotation @ np.array([1.0, 0.0, 0.0])
+    believed = yaw_pose(0.0, tuple(2.0 * along)) @ truth
+    free = register(source, target, method="gicp", initial=believed)
+    held = register(source, target, method="gicp", initial=believed, hold_weak=True)
+    (weak,) = free.weak_directions
+    gap = held.target_from_source.translation - believed.translation
+    assert abs(weak.axis @ gap) < 1e-6
+    across = held.target_from_source.translation - free.target_from_source.translation
+    assert np.linalg.norm(across - weak.axis * (weak.axis @ across)) < 0.02
+    assert held.status is Status.DEGENERATE
+    assert any("held at the prior" in note for note in held.notes)
