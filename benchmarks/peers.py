@@ -4,6 +4,7 @@ import shlex
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -150,6 +151,68 @@ def kiss_matcher_peer(threads: int = 1) -> Contender:
         return pose, bool(matcher.get_num_final_inliers() >= _LEAST_INLIERS and converged)
 
     return Contender("KISS-Matcher + small_gicp GICP", run)
+
+
+Judged = tuple[Pose, bool, float]
+"""A pose, whether the tool says it is right, and its own number for that, larger for better."""
+
+
+@dataclass(frozen=True)
+class Judge:
+    """A peer with what it says about its own result."""
+
+    name: str
+    register: Callable[[Cloud, Cloud, Pose | None], Judged]
+
+
+def small_gicp_judge() -> Judge:
+    import small_gicp
+
+    def run(source: Cloud, target: Cloud, start: Pose | None) -> Judged:
+        stays, tree = small_gicp.preprocess_points(target, downsampling_resolution=0.25)
+        moves, _ = small_gicp.preprocess_points(source, downsampling_resolution=0.25)
+        result = small_gicp.align(
+            stays, moves, tree, np.eye(4) if start is None else start.matrix,
+            registration_type="GICP", max_correspondence_distance=1.0, max_iterations=100,
+        )  # fmt: skip
+        inliers = result.num_inliers / max(1, moves.size())
+        return Pose.from_matrix(result.T_target_source), bool(result.converged), inliers
+
+    return Judge("small_gicp GICP: converged, inliers", run)
+
+
+def open3d_judge() -> Judge:
+    import open3d
+
+    registration = open3d.pipelines.registration
+    voxel, gate = 0.5, 1.0
+
+    def run(source: Cloud, target: Cloud, start: Pose | None) -> Judged:
+        moves, stays = (open3d_cloud(one).voxel_down_sample(voxel) for one in (source, target))
+        stays.estimate_normals(open3d.geometry.KDTreeSearchParamHybrid(2.0 * voxel, 30))
+        result = registration.registration_icp(
+            moves, stays, gate, np.eye(4) if start is None else start.matrix,
+            registration.TransformationEstimationPointToPlane(),
+            registration.ICPConvergenceCriteria(max_iteration=100),
+        )  # fmt: skip
+        # It claims nothing; half of the points is what its users often ask for.
+        return Pose.from_matrix(result.transformation), result.fitness > 0.5, result.fitness
+
+    return Judge("Open3D ICP to planes: fitness", run)
+
+
+def kiss_matcher_judge() -> Judge:
+    import kiss_matcher
+
+    def run(source: Cloud, target: Cloud, start: Pose | None) -> Judged:
+        matcher = kiss_matcher.KISSMatcher(kiss_matcher.KISSMatcherConfig(0.3))
+        found = matcher.estimate(source.astype(np.float32), target.astype(np.float32))
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = found.rotation, found.translation
+        inliers = matcher.get_num_final_inliers()
+        return Pose.from_matrix(matrix), bool(found.valid) and inliers >= _LEAST_INLIERS, inliers
+
+    return Judge("KISS-Matcher: valid, inliers", run)
 
 
 class Driver:

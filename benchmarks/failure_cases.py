@@ -1,0 +1,217 @@
+"""Pairs of scans whose truth is known, most of them meant to mislead: what failure is told by.
+
+Real pairs with any heading, from starts that are off by up to 8 m and 45 degrees, and cut down to
+sectors; real scans of different places; simulated pairs of streets, forests and rugged ground, of
+other places, and of worlds that look alike from more than one place; noise.
+"""
+
+import math
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from any_start import all_pairs, headings, tolerance_of
+from contenders import SUCCESS_DEGREES, SUCCESS_METRES, Cloud
+from real_scans import RealPair
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import exp_rotation
+from scanlock.simulation import SENSORS, scan_pair, simulate_scan
+from scanlock.simulation.alike import corridor, crossing, open_field, shaft, terrace, tunnel
+from scanlock.simulation.world import World
+
+LOCAL = ("sgc-ndt-d2d", "gicp", "vgicp", "ndt", "icp")
+"""Methods that start somewhere, and end wrong where that is too far away."""
+
+_MOST_PAIRS = 15
+"""Of a group of real pairs, evenly spaced."""
+
+_SECTORS = (120.0, 180.0, 240.0)
+"""What is left of a scan that is cut down [deg]."""
+
+_THINNING = 10
+"""Of a thinned scan every so many-th point is left."""
+
+_STEPS = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
+"""How far apart the scans of a simulated pair are [m], in turn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Two scans, a start, and who registers them."""
+
+    scene: str
+    """Where the target was taken: what is left out of the fit as one."""
+    kind: str
+    target: Cloud
+    source: Cloud
+    truth: Pose | None
+    """None where the scans show different places, and every pose is wrong."""
+    start: Pose | None
+    methods: tuple[str, ...]
+    tolerance: tuple[float, float] = (SUCCESS_METRES, SUCCESS_DEGREES)
+
+
+def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
+    """Yield the cases of one group of real pairs."""
+    group = pairs[0].group
+    rng = np.random.default_rng(zlib.crc32(group.encode()))
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, _MOST_PAIRS).round().astype(int))
+    chosen = [int(index) for index in chosen]
+    turns = 3 if len(chosen) > 4 else 8
+    for index in chosen:
+        pair = pairs[index]
+        target, source = pair.load_target(), pair.load_source()
+        for turn in headings(group, index, turns):
+            yield from _pair_cases(
+                _scene(group), target, turn.apply(source), pair.truth @ turn.inverse(),
+                tolerance_of(group), rng,
+            )  # fmt: skip
+
+
+def _pair_cases(
+    scene: str, target: Cloud, source: Cloud, truth: Pose, tolerance: tuple[float, float],
+    rng: np.random.Generator,
+) -> Iterator[Case]:  # fmt: skip
+    def case(
+        kind: str, methods: tuple[str, ...], start: Pose | None = None, **parts: Cloud
+    ) -> Case:
+        clouds = {"target": target, "source": source, **parts}
+        return Case(
+            scene=scene, kind=kind, truth=truth, start=start, methods=methods,
+            tolerance=tolerance, **clouds,
+        )  # fmt: skip
+
+    yield case("any heading", ("auto",))
+    yield case("far start", LOCAL, perturbed(truth, 8.0, 45.0, rng))
+    yield case("near start", LOCAL[:2], perturbed(truth, 1.5, 8.0, rng))
+    thin = {"target": target[::_THINNING], "source": source[::_THINNING]}
+    yield case("thinned", ("auto", "gicp"), perturbed(truth, 1.5, 8.0, rng), **thin)
+    cut = sector(source, rng)
+    yield case("source cut", ("auto",), source=cut)
+    yield case("source cut, far start", LOCAL[:1], perturbed(truth, 4.0, 30.0, rng), source=cut)
+    yield case("both cut", ("auto",), source=cut, target=sector(target, rng))
+
+
+def foreign_cases(data: Path, count: int, seed: int) -> Iterator[Case]:
+    """Yield cases of real scans of different places."""
+    rng = np.random.default_rng([seed, 1])
+    scans: dict[str, list[Callable[[], Cloud]]] = {}
+    for pair in all_pairs(data):
+        scans.setdefault(_scene(pair.group), []).extend((pair.load_target, pair.load_source))
+    scenes = sorted(scans)
+    for number in range(count):
+        one, other = rng.choice(len(scenes), 2, replace=False)
+        load_target, load_source = (
+            scans[scenes[i]][rng.integers(len(scans[scenes[i]]))] for i in (one, other)
+        )
+        turn = exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)]))
+        yield from foreign(scenes[one], load_target(), load_source() @ turn.T, number, rng)
+
+
+def foreign(
+    scene: str, target: Cloud, source: Cloud, number: int, rng: np.random.Generator
+) -> Iterator[Case]:
+    """Yield one case of scans of different places, of four kinds in turn."""
+    start = perturbed(Pose.identity(), 5.0, 180.0, rng)
+    kind, methods, begin = (
+        ("other place", ("auto",), None),
+        ("other place, some start", LOCAL, start),
+        ("other place, source cut", ("auto",), None),
+        ("other place, both cut", ("auto",), None),
+    )[number % 4]
+    if "cut" in kind:
+        source = sector(source, rng)
+    if "both" in kind:
+        target = sector(target, rng)
+    yield Case(
+        scene=scene, kind=kind, target=target, source=source, truth=None, start=begin,
+        methods=methods,
+    )  # fmt: skip
+
+
+def simulated_cases(seeds: Sequence[int]) -> Iterator[Case]:
+    """Yield cases of a simulated pair of each seed, and of scans of two seeds."""
+    before: Cloud | None = None
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 2])
+        kind = ("street", "forest", "rugged")[seed % 3]
+        sensor = tuple(SENSORS)[seed // 3 % len(SENSORS)]
+        pair = scan_pair(kind, sensor, seed, baseline=_STEPS[seed % len(_STEPS)], turn=math.pi)
+        target, source = pair.target.points, pair.source.points
+        scene = f"simulated {kind} {seed}"
+        tolerance = (SUCCESS_METRES, SUCCESS_DEGREES)
+        yield from _pair_cases(scene, target, source, pair.target_from_source, tolerance, rng)
+        if before is not None:
+            for number in range(4):
+                yield from foreign(scene, target, before, number, rng)
+        yield _noise_case(scene, target, rng)
+        before = source
+
+
+def _noise_case(scene: str, target: Cloud, rng: np.random.Generator) -> Case:
+    noise = rng.uniform((-30.0, -30.0, -2.0), (30.0, 30.0, 8.0), (20000, 3))
+    return Case(
+        scene=scene, kind="noise", target=target, source=noise, truth=None, start=None,
+        methods=("auto", *LOCAL),
+    )  # fmt: skip
+
+
+def alike_cases(seeds: Sequence[int]) -> Iterator[Case]:
+    """Yield cases of worlds that look alike from more than one place."""
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 3])
+        name, world = alike_world(seed, rng)
+        height = 0.0 if name == "tunnel" else 1.2
+        sensor = tuple(SENSORS.values())[seed % len(SENSORS)]()
+        poses = [
+            Pose(
+                exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)])),
+                np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 0.5), height]),
+            )
+            for _ in range(2)
+        ]
+        target, source = (simulate_scan(world, sensor, pose, rng).points for pose in poses)
+        truth = poses[0].inverse() @ poses[1]
+        for methods, start in ((("auto",), None), (LOCAL, perturbed(truth, 4.0, 45.0, rng))):
+            yield Case(
+                scene=f"alike, {name}", kind=f"alike, {name}", target=target, source=source,
+                truth=truth, start=start, methods=methods,
+            )  # fmt: skip
+
+
+def alike_world(seed: int, rng: np.random.Generator) -> tuple[str, World]:
+    """Return one of the worlds that look alike, of random size, and its name."""
+    makers: tuple[tuple[str, Callable[[], World]], ...] = (
+        ("open field", open_field),
+        ("corridor", lambda: corridor(rng.uniform(2.0, 8.0), rng.uniform(2.2, 4.0))),
+        ("tunnel", lambda: tunnel(rng.uniform(2.5, 6.0))),
+        ("shaft", lambda: shaft(rng.uniform(4.0, 20.0))),
+        ("crossing", lambda: crossing(rng.uniform(8.0, 20.0), rng.uniform(15.0, 40.0))),
+        ("terrace", lambda: terrace(rng.uniform(5.0, 15.0), rng.uniform(8.0, 20.0))),
+    )
+    name, make = makers[seed % len(makers)]
+    return name, make()
+
+
+def perturbed(pose: Pose, metres: float, degrees: float, rng: np.random.Generator) -> Pose:
+    """Return a pose off by up to so much, mostly along the ground and about the vertical."""
+    shift, turn = rng.normal(size=(2, 3)) * [[1.0, 1.0, 0.1], [0.1, 0.1, 1.0]]
+    shift *= metres * rng.uniform() / np.linalg.norm(shift)
+    turn *= math.radians(degrees) * rng.uniform() / np.linalg.norm(turn)
+    return Pose(exp_rotation(turn) @ pose.rotation, pose.translation + shift)
+
+
+def sector(points: Cloud, rng: np.random.Generator) -> Cloud:
+    """Return what of a scan lies in a random sector; the whole scan where that is hardly any."""
+    azimuth = np.arctan2(points[:, 1], points[:, 0])
+    width, middle = math.radians(rng.choice(_SECTORS)), rng.uniform(-math.pi, math.pi)
+    off = np.abs((azimuth - middle + math.pi) % (2.0 * math.pi) - math.pi)
+    kept = points[off < 0.5 * width]
+    return kept if len(kept) > 500 else points
+
+
+def _scene(group: str) -> str:
+    return group.split(",")[0]
