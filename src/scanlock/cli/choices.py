@@ -22,6 +22,7 @@ MethodName = Literal[
     "mskm-ndt",
 ]
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
+CovarianceName = Literal["sandwich", "hessian", "sampled"]
 FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]
 SceneName = Literal["street", "forest", "rugged"]
 SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from scanlock.cli.choices import DofName, Flag, MethodName, OutputFile
+from scanlock.cli.choices import CovarianceName, DofName, Flag, MethodName, OutputFile
 from scanlock.cli.reading import LoadedScan, Reading
 from scanlock.errors import require_positive
 
@@ -27,6 +27,8 @@ def register(
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
     prior: tuple[float, float] | None = None,
+    hold_weak: Flag = False,
+    covariance: CovarianceName | None = None,
     threads: int = 1,
     output: OutputFile = None,
     picture: Path | None = None,
@@ -53,6 +55,11 @@ def register(
         (xyz+yaw) and a flat world (xy+yaw).
     prior : tuple of float
         How sure the initial pose is: standard deviations in metres and in degrees.
+    hold_weak : bool
+        Leave what the scans do not hold, such as the way along a corridor, as in the initial pose.
+    covariance : str
+        Also tell how sure the pose is: by the scatter of independent parts (sandwich), by the
+        curvature alone (hessian), or by twelve registrations more (sampled).
     threads : int
         How many threads may share the work; the result does not depend on it.
     output : Path
@@ -101,6 +108,8 @@ def register(
             initial=start,
             dof=dof,
             prior=belief,
+            hold_weak=hold_weak,
+            covariance=covariance,
             threads=threads,
         )
     content = _content(result, target, source, read_time, verbose)

@@ -53,6 +53,8 @@ def show_registration(
     rows.append(("right", f"with a probability of {result.probability:.3f}"))
     rows.extend(metric_rows(result.metrics))
     rows.extend(direction_rows(result.weak_directions))
+    if result.covariance is not None:
+        rows.append(("deviation", result.covariance.as_text()))
     if result.candidates:
         rows.append(("chosen", _choice(result)))
     pose = _matrix(result.target_from_source)

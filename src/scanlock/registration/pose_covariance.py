@@ -108,13 +108,17 @@ class PoseCovariance:
         jacobian[:3, 3:] = -hat(self.pose.rotation @ (point - self.place))
         return jacobian
 
-    def __repr__(self) -> str:
+    def as_text(self) -> str:
+        """Return the standard deviations along and about the source's axes, as people read them."""
         ahead, left, up, *turns = np.sqrt(np.diag(self.in_source_frame()))
         roll, pitch, yaw = np.degrees(turns)
         return (
-            f"PoseCovariance({self.way}: forward {1e3 * ahead:.2g}, left {1e3 * left:.2g}, "
-            f"up {1e3 * up:.2g} mm; roll {roll:.2g}, pitch {pitch:.2g}, yaw {yaw:.2g} deg)"
+            f"forward {1e3 * ahead:.2g}, left {1e3 * left:.2g}, up {1e3 * up:.2g} mm; "
+            f"roll {roll:.2g}, pitch {pitch:.2g}, yaw {yaw:.2g} deg"
         )
+
+    def __repr__(self) -> str:
+        return f"PoseCovariance({self.way}: {self.as_text()})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PoseCovariance, (

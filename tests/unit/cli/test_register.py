@@ -1,10 +1,13 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from scanlock.geometry.pose import Pose
 from scanlock.io import read_pose
+from scanlock.simulation import hdl_32e, simulate_scan
+from scanlock.simulation.alike import corridor
 
 
 def _error(matrix, scans):
@@ -115,6 +118,35 @@ def test_a_prior_without_width_is_refused(scanlock, pair, prior, message):
     done = scanlock("register", *pair, "--prior", *prior)
     assert (done.code, done.out) == (1, "")
     assert message in done.err
+
+
+def test_a_covariance_is_told_where_it_is_asked_for(scanlock, pair):
+    done = scanlock("register", *pair, "--covariance", "sandwich", "--json")
+    told = json.loads(done.out)["covariance"]
+    assert (done.code, told["way"]) == (0, "sandwich")
+    assert np.linalg.eigvalsh(told["matrix"]).min() > 0.0
+    shown = scanlock("register", *pair, "--covariance", "sandwich").out
+    assert "deviation" in shown
+    assert "forward" in shown
+    assert json.loads(scanlock("register", *pair, "--json").out)["covariance"] is None
+
+
+def test_a_corridor_is_held_at_the_initial_pose_when_asked_for(scanlock, tmp_path):
+    world, rng = corridor(), np.random.default_rng(0)
+    sensor = replace(hdl_32e(), azimuth_steps=720)
+    for name, ahead in (("reference", 0.0), ("scene", 0.5)):
+        pose = Pose(np.eye(3), np.array([ahead, 0.0, 1.2]))
+        np.save(tmp_path / f"{name}.npy", simulate_scan(world, sensor, pose, rng).points)
+    np.savetxt(tmp_path / "start.txt", Pose(np.eye(3), np.array([2.0, 0.0, 0.0])).matrix)
+    files = tmp_path / "reference.npy", tmp_path / "scene.npy"
+    start = "--initial", tmp_path / "start.txt"
+    done = scanlock("register", *files, *start, "--method", "gicp", "--hold-weak", "--json")
+    found = json.loads(done.out)
+    assert (done.code, found["status"]) == (2, "degenerate")
+    assert found["target_from_source"][0][3] == pytest.approx(2.0, abs=1e-3)
+    refused = scanlock("register", *files, "--hold-weak")
+    assert (refused.code, refused.out) == (1, "")
+    assert "give prior or initial" in refused.err
 
 
 def test_a_registration_that_failed_still_prints_and_exits_with_2(scanlock, scans, tmp_path):
