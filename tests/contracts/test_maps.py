@@ -1,5 +1,7 @@
 """Map coordinates and initial poses, for every method."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,32 @@ def test_map_coordinates_of_millions_give_the_local_answer(method):
     # Coordinates of millions are rounded to 1e-9 m, and so is the translation of the pose.
     mapped = _assert_answer_is_local(method, np.array([500_000.0, 5_400_000.0, 100.0]), 1e-6)
     assert any("computed about the origin" in note for note in mapped.notes)
+
+
+def test_any_tool_that_applies_the_matrix_in_double_precision_lands_where_scanlock_does(method):
+    shift = np.array([500_000.0, 5_400_000.0, 100.0])
+    scene = source(method) + shift
+    found = register(scene, target() + shift, method=method)
+    landed = found.target_from_source.apply(scene)
+    plain = json.loads(found.to_json())
+    homogeneous = np.column_stack([scene, np.ones(len(scene))])
+    for matrix in (plain["target_from_source"], np.array(plain["target_from_source"])):
+        assert np.abs((homogeneous @ np.array(matrix).T)[:, :3] - landed).max() < 1e-6
+    # By the local frames, where single precision does too.
+    origins = np.array(plain["source_origin"]), np.array(plain["target_origin"])
+    local = np.array(plain["local_target_from_source"])
+    near = scene - origins[0]
+    for kind, tolerance in ((np.float64, 1e-6), (np.float32, 1e-3)):
+        moved = near.astype(kind) @ local[:3, :3].astype(kind).T + local[:3, 3].astype(kind)
+        assert np.abs(moved + origins[1] - landed).max() < tolerance
+    assert np.array_equal(local, found.local_target_from_source.matrix)
+    # And the way that the scan went is that of its centroid.
+    centroid = scene.mean(axis=0)
+    np.testing.assert_allclose(plain["source_centroid"], centroid, atol=1e-6)
+    way = found.target_from_source.apply(centroid) - centroid
+    np.testing.assert_allclose(plain["centroid_shift_m"], way, atol=1e-6)
+    assert f"moved={np.linalg.norm(way):.3f} m" in repr(found)
+    assert f"{np.linalg.norm(way):.3f} m at the centroid" in str(found)
 
 
 @pytest.mark.parametrize("shift", [(500.0, 300.0, 20.0), (5000.0, -4000.0, 100.0)])

@@ -56,7 +56,6 @@ def demo(
         result,
         f"simulated HDL-64E, street, {len(pair.target):,} points",
         f"the same {metres:.0f} m on, turned, {len(pair.source):,} points",
-        centre=np.zeros(3),
         first_stage=("simulate", made),
         compiled=watch.compiled,
         truth=pair.target_from_source,

@@ -10,7 +10,7 @@ from scanlock.cli.choices import FormatName
 from scanlock.errors import FormatError
 
 if TYPE_CHECKING:
-    from scanlock.arrays import Points, Vector
+    from scanlock.arrays import Points
     from scanlock.io import ScanFile
 
 _GROUP = Group("How scans are read", sort_key=10)
@@ -41,16 +41,6 @@ class LoadedScan:
     def returns(self) -> "Points":
         """The points without the blank rows."""
         return self.points[~(self.file.points == 0.0).all(axis=1)] if self.blanks else self.points
-
-    def centre(self) -> "Vector":
-        """Return the (3,) place [m] whose motion is worth telling.
-
-        The origin, which is the sensor; in map coordinates the middle of the scan, since a turn
-        about their far origin would look like a long way.
-        """
-        from scanlock.clouds.point_cloud import PointCloud
-
-        return PointCloud.from_array(self.points).origin
 
     def summary(self) -> str:
         """Return the name of the file and how many points it has, for people."""

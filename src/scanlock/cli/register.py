@@ -124,7 +124,6 @@ def register(
         result,
         target.summary(),
         source.summary(),
-        centre=source.centre(),
         first_stage=("read", read_time),
         compiled=watch.compiled,
     )

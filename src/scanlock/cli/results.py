@@ -17,7 +17,6 @@ def show_registration(
     reference: str,
     scene: str,
     *,
-    centre: "Vector",
     first_stage: tuple[str, float],
     compiled: bool,
     truth: "Pose | None" = None,
@@ -29,8 +28,6 @@ def show_registration(
     result : Registration
     reference, scene : str
         What was registered, as it is to be called.
-    centre : (3,) [m]
-        The place in the scene whose motion is told.
     first_stage : str and float [s]
         What it took to have the scans at all, which the total leaves out.
     compiled : bool
@@ -46,7 +43,7 @@ def show_registration(
         ("reference", f"{reference} (stays)"),
         ("scene", f"{scene} (moves)"),
         ("method", f"{result.method}, {result.iterations} evaluations"),
-        *_motion(result.target_from_source, centre),
+        *_motion(result),
     ]
     if truth is not None:
         rows.append(("error", _error(result.target_from_source, truth)))
@@ -57,8 +54,7 @@ def show_registration(
         rows.append(("deviation", result.covariance.as_text()))
     if result.candidates:
         rows.append(("chosen", _choice(result)))
-    pose = _matrix(result.target_from_source)
-    rows.append(("pose", f"rotation and translation [m], reference from scene\n{pose}"))
+    rows.extend(_pose(result))
     if truth is not None:
         rows.append(("truth", _matrix(truth)))
     rows.append(("time", _time(result.timings, first_stage, compiled)))
@@ -106,16 +102,21 @@ def history_content(result: "Registration") -> list[dict[str, Any]]:
     return content
 
 
-def _motion(pose: "Pose", centre: "Vector") -> Facts:
+def _motion(result: "Registration") -> Facts:
     from scanlock.geometry.rotations import log_rotation
 
-    shift = pose.apply(centre) - centre
+    pose, place = result.target_from_source, result.frames.place
+    shift = result.frames.shift(pose, place)
     turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
-    about = "" if not centre.any() else f" at {_triple(centre, 0)} m"
+    about = f" at the centroid, {_triple(place, 0)} m" if _is_on_map(result) else ""
     return [
         ("moved", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
         ("turned", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
     ]
+
+
+def _is_on_map(result: "Registration") -> bool:
+    return bool(result.frames.source_origin.any() or result.frames.target_origin.any())
 
 
 def _error(pose: "Pose", truth: "Pose") -> str:
@@ -132,6 +133,21 @@ def _choice(result: "Registration") -> str:
     found = f"by {result.candidates[0].maker}"
     rivals = len(result.candidates) - 1
     return f"{found}; no rival" if rivals == 0 else f"{found}; {rivals} rivals"
+
+
+def _pose(result: "Registration") -> Facts:
+    said = "rotation and translation [m], reference from scene"
+    if not _is_on_map(result):
+        return [("pose", f"{said}\n{_matrix(result.target_from_source)}")]
+    # At the coordinates of a map the seventh digit of a rotation is metres.
+    full = "\n".join(
+        " ".join(f"{value + 0.0:.17g}" for value in row)
+        for row in result.target_from_source.matrix[:3]
+    )
+    frames = result.frames
+    origins = f"{_triple(frames.target_origin, 0)} and {_triple(frames.source_origin, 0)} m"
+    local = f"the same about the origins {origins}\n{_matrix(result.local_target_from_source)}"
+    return [("pose", f"{said}\n{full}"), ("local pose", local)]
 
 
 def _matrix(pose: "Pose") -> str:

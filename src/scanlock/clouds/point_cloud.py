@@ -93,6 +93,12 @@ class PointCloud:
         return self.input_count - len(self.points)
 
     @cached_property
+    def centroid(self) -> Vector:
+        """(3,) mean of the points in the caller's coordinates [m]."""
+        # Column by column: NumPy takes a mean over rows of three numbers at a twentieth the speed.
+        return read_only(np.array([self.points[:, axis].mean() for axis in range(3)]) + self.origin)
+
+    @cached_property
     def is_measured(self) -> Mask:
         """(n,) False for points at exactly (0, 0, 0) of a sensor's frame.
 

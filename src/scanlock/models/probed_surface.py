@@ -55,25 +55,22 @@ class SurfaceProber:
     spacing: float = 1.0
     """At most one probe in each cube of this side [m], so that near walls do not decide alone."""
 
-    most: int = 1000
+    most: int = 500
     """How many probes a scan gets at most, evenly over its cubes."""
 
     sample: int = 10000
     """How many points of the scan the probes are chosen from, evenly over its rows."""
 
     radii: tuple[float, ...] = (0.5, 1.0, 2.0)
-    """A plane is fitted to the points this near to a probe [m]: the first for dense scans, the next
-    ones for sparse scans, see `radii_for`."""
-
-    least_met: float = 0.3
-    """Of the probes of a scan so many must have a plane in the scan itself; else it is sparse."""
+    """A plane is fitted to the points this near to a probe [m]: within the first of these in which
+    there are enough, so that near walls are seen sharply and far ground is seen at all."""
 
     least_count: int = 8
-    """To so many at least: of fewer, some make planes across corners."""
+    """To so many points at least: of fewer, some make planes across corners."""
 
     least_breadth: float = 0.1
-    """And to no line: the variance along the narrower side of the points is at least this share of
-    that along the wider one."""
+    """And not to a line: the variance along the narrower side of the points is at least this share
+    of that along the wider one."""
 
     def __post_init__(self) -> None:
         require_positive("spacing", self.spacing, unit="m")
@@ -81,7 +78,6 @@ class SurfaceProber:
             raise InvalidInput("radii must not be empty")
         for radius in self.radii:
             require_positive("radii", radius, unit="m")
-        require_fraction("least_met", self.least_met)
         require_count("most", self.most)
         require_count("sample", self.sample)
         require_count("least_count", self.least_count, least=3)
@@ -98,26 +94,14 @@ class SurfaceProber:
         firsts[labels[::-1]] = np.arange(len(labels))[::-1]
         return read_only(points[_evenly(firsts, self.most)])
 
-    def radii_for(self, cloud: PointCloud, probes: Points) -> tuple[float, ...]:
-        """Return how near points must be to a probe [m] for a scan as dense as this one.
-
-        `probes` are its own. Dense scans are looked at in the narrowest circle alone, sparse ones
-        in all the wider ones, in turn.
-        """
-        some = probes[:: max(1, len(probes) // _ENOUGH)]
-        met = self.probe(cloud, some, self.radii[:1]).met
-        if np.count_nonzero(met) >= self.least_met * len(met) or len(self.radii) == 1:
-            return self.radii[:1]
-        return self.radii[1:]
-
-    def probe(self, cloud: PointCloud, probes: Points, radii: tuple[float, ...]) -> ProbedSurface:
+    def probe(self, cloud: PointCloud, probes: Points) -> ProbedSurface:
         """Return the surface of a cloud near (m, 3) probes [m] in its local frame.
 
-        Each probe is looked at within the first of the radii [m] in which it is met.
+        What is met in a wider circle comes after what is met in a narrower one.
         """
         met = np.zeros(len(probes), np.bool_)
         found = []
-        for radius in radii:
+        for radius in self.radii:
             rows = np.flatnonzero(~met)
             sums = sums_near(cloud.points, read_only(probes[rows]), float(radius))
             surface = self._fitted(probes[rows], sums)
@@ -157,9 +141,6 @@ def _joined(met: Mask, surfaces: list[ProbedSurface]) -> ProbedSurface:
         np.concatenate([one.flatness for one in surfaces]),
     )
 
-
-_ENOUGH = 200
-"""Probes that tell how dense a scan is."""
 
 _LEAST_VARIANCE = 1e-9
 """Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""

@@ -36,8 +36,6 @@ class Evidence:
         How far it saw; None where the origin of its frame is no sensor.
     probes : (m, 3) [m]
         Points of it, spread evenly.
-    radii : tuple of float [m]
-        How near its points must be to a probe to be its surface there: more in sparse scans.
     notes : tuple of str
         What was found on the way.
     held : PartHold
@@ -51,7 +49,6 @@ class Evidence:
     gaussians: Gaussians
     ranges: RangeImage | None
     probes: Points
-    radii: tuple[float, ...]
     notes: tuple[str, ...]
     held: PartHold
     self_score: float = field(init=False)
@@ -74,8 +71,7 @@ def evidence_of(landmarks: Landmarks, imager: RangeImager | None = _IMAGER) -> E
         held = PartHold.none()
         notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
     ranges = None if imager is None else imager.image(cloud)
-    probes = PROBER.probes(cloud)
-    return Evidence(cloud, gaussians, ranges, probes, PROBER.radii_for(cloud, probes), notes, held)
+    return Evidence(cloud, gaussians, ranges, PROBER.probes(cloud), notes, held)
 
 
 def find_evidence(cloud: PointCloud) -> Evidence:

@@ -33,12 +33,14 @@ _LEAST_FLATNESS = 0.9
 _ROUGHNESS = 0.1
 """Gaps of this [m] halve the weight of a plane: it is not the same surface."""
 
-_LEAST_SHARE = 0.01
-"""What less of the planes hold is roughness, not a wall: endless corridors, fields and round rooms
-have at most a tenth of this, streets and forests at least three times as much."""
+_LEAST_SHARE: dict[MotionKind, float] = {"translation": 0.05, "rotation": 0.01}
+"""What less of the planes hold is roughness, and planes laid through the rings of one scan where
+they bend at a corner: endless corridors have up to 0.033 along them, round rooms and tunnels 0.001
+about their axis."""
 
 _LEAST_PART_SHARE = 0.15
-"""Endless corridors, bare walls and lines have up to 0.10; streets, forests, yards 0.3 to 0.8."""
+"""Endless corridors, tunnels, bare walls and lines have up to 0.13; streets, forests and yards 0.15
+to 1 where they have no planes either."""
 
 _LEAST_PLANES = 12
 """Fewer planes say nothing: twice the six numbers of a pose."""
@@ -90,7 +92,7 @@ class HeldDirection:
     @property
     def is_weak(self) -> bool:
         """Whether so little holds it that the pose may be wrong along it by any amount."""
-        return self.share < _LEAST_SHARE and self.part_share < _LEAST_PART_SHARE
+        return self.share < _LEAST_SHARE[self.kind] and self.part_share < _LEAST_PART_SHARE
 
     def __str__(self) -> str:
         if self.kind == "translation":

@@ -60,7 +60,7 @@ def inspect(
         Where a search chose the pose, what it chose from, the chosen one first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    surface = PROBER.probe(target.cloud, pose.apply(source.probes), target.radii)
+    surface = PROBER.probe(target.cloud, pose.apply(source.probes))
     hold = hold_at(surface, pose.translation, target.held)
     slides = [] if hold is None else [one.axis for one in hold.directions[:2]]
     rivals = [second_best(candidates)] + [

@@ -14,6 +14,7 @@ from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
 from scanlock.registration.auto import Found
 from scanlock.registration.calibration import deviation_factor
 from scanlock.registration.confidence import probability
+from scanlock.registration.frames import Frames
 from scanlock.registration.inspection import inspect
 from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
 from scanlock.registration.metrics import Metrics
@@ -105,6 +106,8 @@ def register(
         for role, side in zip(("target", "source"), sides, strict=True)
         for note in side.notes
     ]
+    clouds = sides[0].cloud, sides[1].cloud
+    frames = Frames.of_clouds(*clouds)
     shortages = [side.shortage for side in sides]
     evidence = [side.evidence for side in sides]
     if any(shortages) or evidence[0] is None or evidence[1] is None:
@@ -113,10 +116,9 @@ def register(
         clock.seconds["total"] = time.perf_counter() - begin
         return Registration(
             start, Status.NO_CORRESPONDENCES, reason, name, Metrics(), 0.0, (), (), clock.seconds,
-            tuple(notes),
+            tuple(notes), frames=frames,
         )  # fmt: skip
 
-    clouds = sides[0].cloud, sides[1].cloud
     with clock.stage("align"):
         restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
         kept, begins = (sides[0].kept, sides[1].kept), local_pose(start, *clouds)
@@ -154,6 +156,7 @@ def register(
         found_at.directions, solution.history, clock.seconds, (*notes, *solution.notes),
         tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
         sure,
+        frames,
     )  # fmt: skip
 
 

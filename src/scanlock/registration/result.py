@@ -4,12 +4,14 @@ import enum
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import rotation_angle
 from scanlock.registration.candidate import Candidate
+from scanlock.registration.frames import Frames
 from scanlock.registration.hold import HeldDirection
 from scanlock.registration.metrics import Metrics
 from scanlock.registration.pose_covariance import PoseCovariance
@@ -80,6 +82,8 @@ class Registration:
     covariance : PoseCovariance or None
         How sure the pose is; None where it was not asked for or, as `notes` then say, cannot be
         told.
+    frames : Frames
+        Where the scans lie in the caller's coordinates; see `local_target_from_source`.
     """
 
     target_from_source: Pose
@@ -94,6 +98,7 @@ class Registration:
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     covariance: PoseCovariance | None = None
+    frames: Frames = field(default_factory=Frames.of_sensors)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -107,6 +112,16 @@ class Registration:
     def iterations(self) -> int:
         """Evaluations of the objective over all scales."""
         return len(self.history)
+
+    @property
+    def local_target_from_source(self) -> Pose:
+        """The pose between the local frames, whose zeros are the origins in `frames`.
+
+        ``local(p - source_origin) + target_origin`` is where a point p of the source lands. For
+        scans in their sensors' frames it is `target_from_source`; of map coordinates it has short
+        translations, and keeps its digits in tools that compute in single precision.
+        """
+        return self.frames.local(self.target_from_source)
 
     @property
     def overlap(self) -> float:
@@ -135,6 +150,7 @@ class Registration:
             "reason": self.reason,
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
+            **self.frames.as_dict(self.target_from_source),
             "probability": self.probability,
             "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
             "directions": [
@@ -170,11 +186,10 @@ class Registration:
         return json.dumps(self.as_dict(), indent=2, allow_nan=False)
 
     def __repr__(self) -> str:
-        pose = self.target_from_source
-        metres, radians = pose.distance(Pose.identity())
+        metres, degrees = self._motion()
         return (
             f"Registration(status={self.status.value}, method={self.method}, "
-            f"moved={metres:.3f} m {math.degrees(radians):.2f} deg, "
+            f"moved={metres:.3f} m {degrees:.2f} deg, "
             f"probability={self.probability:.3f}, overlap={self.overlap:.2f}, "
             f"score={self.score:.2f}, iterations={self.iterations}, "
             f"total={1e3 * self.timings.get('total', math.nan):.1f} ms)"
@@ -186,13 +201,19 @@ class Registration:
     def _repr_html_(self) -> str:
         return html_table(self._rows())
 
+    def _motion(self) -> tuple[float, float]:
+        """Return how far the source's place moves [m], and how far it turns [deg]."""
+        shift = self.frames.shift(self.target_from_source, self.frames.place)
+        return math.hypot(*shift), math.degrees(rotation_angle(self.target_from_source.rotation))
+
     def _rows(self) -> Rows:
-        metres, radians = self.target_from_source.distance(Pose.identity())
+        metres, degrees = self._motion()
+        at = " at the centroid" if self.frames.source_origin.any() else ""
         return [
             ("status", f"{self.status.value}: {self.reason}"),
             ("probability", f"{self.probability:.3f} that the pose is right"),
             ("method", f"{self.method}, {self.iterations} evaluations"),
-            ("moved", f"{metres:.3f} m, {math.degrees(radians):.3f} deg"),
+            ("moved", f"{metres:.3f} m{at}, {degrees:.3f} deg"),
             *metric_rows(self.metrics),
             *direction_rows(self.weak_directions),
             ("time", f"{1e3 * self.timings.get('total', math.nan):.1f} ms"),
@@ -213,6 +234,7 @@ class Registration:
             self.notes,
             self.candidates,
             self.covariance,
+            self.frames,
         )
 
 

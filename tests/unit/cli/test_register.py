@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -209,11 +210,23 @@ def test_map_coordinates_tell_the_motion_where_the_scan_is(scanlock, scans, tmp_
     assert done.code == 0
     moved = next(line for line in done.out.splitlines() if line.split()[:1] == ["moved"])
     assert float(moved.split()[1]) < 4.0
-    assert "at 50" in " ".join(done.out.split())
-    carried = read_pose(tmp_path / "pose.txt").apply(np.load(tmp_path / "scene.npy")[:5])
+    joined = " ".join(done.out.split())
+    assert "at the centroid, 50" in joined
+    scan = np.load(tmp_path / "scene.npy")
+    carried = read_pose(tmp_path / "pose.txt").apply(scan)
     truth = Pose.from_matrix(np.load(scans / "truth.npy"))
-    expected = truth.apply(np.load(scans / "scene.npy")[:5]) + far
+    expected = truth.apply(np.load(scans / "scene.npy")) + far
     assert np.abs(carried - expected).max() < 0.3
+    # Another tool with nothing but what the screen shows, in double precision.
+    said = joined.split("reference from scene ")[1].split()[:12]
+    printed = np.array(said, float).reshape(3, 4)
+    assert np.abs(scan @ printed[:, :3].T + printed[:, 3] - carried).max() < 1e-3
+    origins = joined.split("about the origins ")[1]
+    numbers = re.findall(r"-?[\d.]+", origins)[:18]
+    target_origin, source_origin = np.array(numbers[:6], float).reshape(2, 3)
+    local = np.array(numbers[6:], float).reshape(3, 4)
+    moved = (scan - source_origin) @ local[:, :3].T + local[:, 3] + target_origin
+    assert np.abs(moved - carried).max() < 1e-3
 
 
 def test_a_picture_is_drawn(scanlock, pair, tmp_path):
