@@ -1,5 +1,6 @@
 """The one gate that points pass: shape, finiteness, type and precision are settled here."""
 
+import os
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -29,6 +30,9 @@ Map projections stay below 1e8 m, 1e11 when written in millimetres; grids laid o
 would overflow their integers without a word.
 """
 
+_FEW_ROWS, _MANY_COLUMNS = 4, 64
+"""An array so low and so wide holds points in its columns."""
+
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
@@ -46,12 +50,16 @@ class PointCloud:
         The row of the caller's array that each point came from.
     input_count : int
         Rows of the caller's array; ``input_count - len(points)`` of them were left out.
+    rounding : float [m]
+        What the caller's coordinates were rounded to before they came here, where that can be
+        told: half a metre for single precision at five million metres. 0 for sensor frames.
     """
 
     points: Points
     origin: Vector
     rows: Labels
     input_count: int
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
         for array in (self.points, self.origin, self.rows):
@@ -69,6 +77,7 @@ class PointCloud:
         ------
         InvalidInput
             Not a real-valued (n, 3+) array, or no finite row in it; `name` says which argument.
+        Masked entries count as NaN.
         """
         if isinstance(array, PointCloud):
             return array
@@ -82,15 +91,22 @@ class PointCloud:
                 f"{name} holds no finite point ({input_count} rows); check the reader or the "
                 "filter before it"
             )
-        origin = _recentring(xyz)
+        origin, rounding = _recentring(xyz), 0.0
         if origin.any():
+            rounding = _rounding(xyz)
             xyz = xyz - origin
-        return cls(points=xyz, origin=origin, rows=rows, input_count=input_count)
+        return cls(xyz, origin, rows, input_count, rounding)
 
     @property
     def dropped_count(self) -> int:
         """How many rows of the caller's array held NaN, Inf or garbage."""
         return self.input_count - len(self.points)
+
+    @property
+    def spread(self) -> float:
+        """How far half of the points lie from amid them, at least [m]."""
+        sample = _sample(self.points)
+        return float(np.median(np.abs(sample - np.median(sample, axis=0)).max(axis=1)))
 
     @cached_property
     def centroid(self) -> Vector:
@@ -126,6 +142,7 @@ class PointCloud:
             np.array(self.origin),
             np.array(self.rows),
             self.input_count,
+            self.rounding,
         )
 
 
@@ -144,14 +161,32 @@ def caller_pose(local: Pose, target: PointCloud, source: PointCloud) -> Pose:
 
 
 def _coordinates(array: ArrayLike, name: str) -> Points:
+    if isinstance(array, (str, bytes, os.PathLike, type(None))):
+        raise InvalidInput(
+            f"{name} must be an (n, 3) array, got {array!r}; scanlock.io.read_scan reads files"
+        )
+    if isinstance(array, np.ma.MaskedArray) and array.dtype.kind in "fiu":
+        # What is masked is no number, and whoever masked it does not want it used.
+        kind = np.promote_types(array.dtype, np.float32)
+        array = np.ma.filled(array.astype(kind), np.nan)
     try:
         raw = np.asarray(array)
     except ValueError as error:
         raise InvalidInput(f"{name} must be an (n, 3) array: {error}") from error
+    if raw.dtype.names is not None:
+        raise InvalidInput(
+            f"{name} must be an (n, 3) array, got the fields {', '.join(raw.dtype.names)}; stack "
+            "its coordinates: np.column_stack([a['x'], a['y'], a['z']])"
+        )
     if raw.ndim != 2 or raw.shape[1] < 3:
         raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
+    if len(raw) <= _FEW_ROWS and raw.shape[1] >= _MANY_COLUMNS:
+        raise InvalidInput(
+            f"{name} must hold one point a row, got shape {raw.shape}; transpose it: {name}.T"
+        )
     if raw.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}")
+        remedy = "; convert it: .astype(np.float64)" if raw.dtype.kind == "O" else ""
+        raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}{remedy}")
     # Extended precision may hold more than float64 can; Inf is what such rows should become.
     with np.errstate(over="ignore"):
         # The slice is an array of its own, so freezing it leaves the caller's writable. Kernels
@@ -175,10 +210,22 @@ def _finite_rows(xyz: Points) -> Labels:
     return np.flatnonzero((np.abs(xyz) <= _FARTHEST).all(axis=1)).astype(np.int64)
 
 
+def _sample(xyz: Points) -> Points:
+    """Return a few hundred rows, which tell where a cloud lies."""
+    return xyz[:: max(1, len(xyz) // 512)]
+
+
+def _rounding(xyz: Points) -> float:
+    sample = _sample(xyz)
+    # Whoever converts to double precision late has lost the digits all the same.
+    if not np.array_equal(sample, sample.astype(np.float32)):
+        return float(np.spacing(np.abs(sample).max()))
+    return float(np.spacing(np.float32(np.abs(sample).max())))
+
+
 def _recentring(xyz: Points) -> Vector:
-    # A few hundred rows tell where the cloud lies; whole metres keep the shift exact.
-    sample = xyz[:: max(1, len(xyz) // 512)]
-    centre = np.median(sample, axis=0)
+    # Whole metres keep the shift exact.
+    centre = np.median(_sample(xyz), axis=0)
     if np.abs(centre).max() < _LOCAL_LIMIT:
         return np.zeros(3)
     return np.round(centre)

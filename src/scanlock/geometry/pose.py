@@ -88,7 +88,7 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
-    def from_matrix(cls, matrix: ArrayLike) -> "Pose":
+    def from_matrix(cls, matrix: ArrayLike, name: str = "pose") -> "Pose":
         """Return the pose of a (4, 4) or (3, 4) homogeneous matrix.
 
         A rotation part that is slightly off (printed with few digits) is replaced by the
@@ -98,17 +98,20 @@ class Pose:
         ------
         InvalidInput
             Wrong shape, NaN, a last row other than (0, 0, 0, 1), or a 3x3 part that is no
-            rotation (scaled, sheared or mirrored).
+            rotation (scaled, sheared or mirrored); `name` says what the matrix is.
         """
-        array = _real_array("pose", matrix, [(4, 4), (3, 4)])
+        array = _real_array(name, matrix, [(4, 4), (3, 4)])
         if array.shape == (4, 4) and not np.allclose(array[3], (0, 0, 0, 1), atol=1e-6):
-            raise InvalidInput(f"the last row of a pose must be 0 0 0 1, got {array[3].tolist()}")
+            remedy = "; transpose it" if np.allclose(array[:, 3], (0, 0, 0, 1), atol=1e-6) else ""
+            raise InvalidInput(
+                f"the last row of a pose must be 0 0 0 1, got {array[3].tolist()} in {name}{remedy}"
+            )
         rotation = nearest_rotation(array[:3, :3])
         gap = float(np.abs(rotation - array[:3, :3]).max())
         if gap > _ROTATION_TOLERANCE:
             raise InvalidInput(
-                f"the 3x3 part of a pose must be a rotation; it is {gap:.3g} away from the nearest "
-                "one (scaled, sheared or mirrored?)"
+                f"the 3x3 part of a pose must be a rotation; that of {name} is {gap:.3g} away from "
+                f"the nearest one, of {_ROTATION_TOLERANCE:g} that is mended: {_ailment(array)}"
             )
         return cls(rotation, array[:3, 3])
 
@@ -174,6 +177,17 @@ class Pose:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Pose, (np.array(self.rotation), np.array(self.translation))
+
+
+def _ailment(matrix: Matrix) -> str:
+    """Return what is wrong with a matrix that should hold a rotation, and the remedy."""
+    volume = float(np.linalg.det(matrix[:3, :3]))
+    if volume < 0.0:
+        return "it mirrors; swap or negate an axis of one of the frames"
+    scale = float(np.cbrt(volume))
+    if np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, scale**2 * np.eye(3), atol=0.01 * scale**2):
+        return f"it scales by {scale:.4g}; divide by that, and bring both clouds to metres"
+    return "it shears; give a rotation"
 
 
 def _real_array(name: str, value: ArrayLike, shapes: list[tuple[int, ...]]) -> NDArray[np.float64]:

@@ -57,8 +57,40 @@ class PreparedScan:
         return (*self._origin(), *notes)
 
     def _origin(self) -> tuple[str, ...]:
-        origin = self.cloud.origin
-        return (f"computed about the origin {origin.tolist()} m",) if origin.any() else ()
+        origin, rounding = self.cloud.origin, self.cloud.rounding
+        if not origin.any():
+            return _doubts_of_unit(self.cloud)
+        told = f"computed about the origin {origin.tolist()} m"
+        if rounding < _COARSE:
+            return (told, *_doubts_of_unit(self.cloud))
+        coarse = (
+            f"coordinates are rounded to {rounding:.3g} m, as single precision is so far from "
+            "zero; read them in double precision, or subtract an offset before they are stored"
+        )
+        return (told, coarse, *_doubts_of_unit(self.cloud))
+
+
+_COARSE = 0.001
+"""Rounding of coordinates [m] that is worth a word."""
+
+_WIDEST, _NARROWEST = 2000.0, 0.1
+"""Lidars see neither so far nor so little [m]: half of the points lie farther than one of these, or
+nearer than the other."""
+
+
+def _doubts_of_unit(cloud: PointCloud) -> tuple[str, ...]:
+    spread = cloud.spread
+    if spread > _WIDEST:
+        return (
+            f"half of the points lie more than {spread:.3g} m from their middle; where these are "
+            "millimetres, multiply by 0.001",
+        )
+    if spread < _NARROWEST:
+        return (
+            f"half of the points lie within {spread:.3g} m of their middle; coordinates must be "
+            "metres",
+        )
+    return ()
 
 
 def prepare(

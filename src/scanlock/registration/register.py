@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
@@ -26,6 +27,9 @@ from scanlock.registration.uncertainty import Uncertainty
 from scanlock.registration.verdict import judge
 from scanlock.solvers.solution import Solution
 from scanlock.threads import spread, using_threads
+
+_MENDED = 1e-6
+"""Changes of an initial rotation that are worth a word: more than rounding to single precision."""
 
 
 def register(
@@ -87,7 +91,7 @@ def register(
     """
     begin = time.perf_counter()
     name, chosen = _method(method, source, target)
-    start = _start(initial)
+    start, mended = _start(initial)
     Restraint(dof=dof)
     if hold_weak and prior is None and initial is None:
         raise InvalidInput(
@@ -105,7 +109,7 @@ def register(
         f"{role}: {note}"
         for role, side in zip(("target", "source"), sides, strict=True)
         for note in side.notes
-    ]
+    ] + mended
     clouds = sides[0].cloud, sides[1].cloud
     frames = Frames.of_clouds(*clouds)
     shortages = [side.shortage for side in sides]
@@ -193,10 +197,19 @@ def _ready(
     return scan if isinstance(scan, PreparedScan) else prepare(scan, method=method, role=role)
 
 
-def _start(initial: ArrayLike | Pose | None) -> Pose:
+def _start(initial: ArrayLike | Pose | None) -> tuple[Pose, list[str]]:
+    """Return where to start, and what had to be mended of it."""
     if initial is None:
-        return Pose.identity()
-    return initial if isinstance(initial, Pose) else Pose.from_matrix(initial)
+        return Pose.identity(), []
+    if isinstance(initial, Pose):
+        return initial, []
+    pose = Pose.from_matrix(initial, "initial")
+    gap = float(np.abs(pose.matrix[:3, :3] - np.asarray(initial)[:3, :3]).max())
+    if gap < _MENDED:
+        return pose, []
+    return pose, [
+        f"initial: its 3x3 part was {gap:.1e} away from a rotation; the nearest was taken"
+    ]
 
 
 def _local_prior(

@@ -1,4 +1,5 @@
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -153,12 +154,16 @@ def test_many_large_but_real_coordinates_are_all_kept():
         (np.zeros(3), r"scan must have shape \(n, 3\) or wider, got \(3,\)"),
         (np.zeros((5, 2)), r"scan must have shape \(n, 3\) or wider, got \(5, 2\)"),
         (np.zeros((3, 5, 3)), r"shape \(n, 3\) or wider, got \(3, 5, 3\)"),
-        (np.zeros((5, 3), dtype=object), "scan must hold real numbers, got dtype object"),
+        (np.zeros((5, 3), dtype=object), "got dtype object; convert it: .astype"),
         (np.zeros((5, 3), dtype=complex), "scan must hold real numbers, got dtype complex128"),
         (np.zeros((5, 3), dtype=bool), "scan must hold real numbers, got dtype bool"),
         ([["a", "b", "c"]], "scan must hold real numbers, got dtype <U1"),
         ([[1.0, 2.0, 3.0], [4.0]], r"scan must be an \(n, 3\) array"),
-        (None, r"scan must have shape \(n, 3\) or wider, got \(\)"),
+        (None, r"scan must be an \(n, 3\) array, got None; scanlock.io.read_scan reads files"),
+        ("a.ply", r"got 'a.ply'; scanlock.io.read_scan"),
+        (Path("a.ply"), r"scanlock.io.read_scan"),
+        (np.zeros((3, 64)), r"scan must hold one point a row, got shape \(3, 64\); .* scan.T"),
+        (np.zeros(5, [("x", float), ("y", float)]), r"got the fields x, y; .*np.column_stack"),
     ],
 )
 def test_what_is_no_cloud_is_refused_by_name(array, message):
@@ -246,3 +251,31 @@ def test_points_at_zero_of_a_sensor_frame_are_not_measured():
     cloud = PointCloud.from_array(around)
     assert (cloud.points == 0.0).all(axis=1).any()
     assert cloud.is_measured.all()
+
+
+def test_masked_coordinates_count_as_not_finite():
+    points = np.arange(60.0).reshape(20, 3)
+    mask = np.zeros((20, 3), np.bool_)
+    mask[[3, 7], [0, 2]] = True
+    for kind in (np.float64, np.float32, np.int32):
+        cloud = PointCloud.from_array(np.ma.array(points.astype(kind), mask=mask))
+        assert cloud.dropped_count == 2
+        np.testing.assert_array_equal(cloud.points, np.delete(points, [3, 7], axis=0))
+
+
+@pytest.mark.parametrize(("kind", "expected"), [(np.float64, 2**-30), (np.float32, 0.5)])
+def test_a_cloud_tells_what_its_coordinates_were_rounded_to(kind, expected):
+    rng = np.random.default_rng(0)
+    far = (rng.uniform(-30.0, 30.0, (900, 3)) + np.array([5e5, 5.4e6, 0.0])).astype(kind)
+    # Converted late, the digits are lost all the same.
+    assert PointCloud.from_array(far.astype(np.float64)).rounding == expected
+    assert PointCloud.from_array(far).rounding == expected
+    assert PointCloud.from_array(far - far[0]).rounding == 0.0
+
+
+def test_a_centroid_is_the_mean_in_the_callers_coordinates():
+    points = np.random.default_rng(0).uniform(-30.0, 30.0, (900, 3)) + np.array([5e5, 5.4e6, 0.0])
+    cloud = PointCloud.from_array(points)
+    np.testing.assert_allclose(cloud.centroid, points.mean(axis=0), atol=1e-6)
+    assert not cloud.centroid.flags.writeable
+    assert cloud.spread == pytest.approx(PointCloud.from_array(points - points[0]).spread)

@@ -129,13 +129,13 @@ def _with_last_row(row):
 @pytest.mark.parametrize(
     ("matrix", "message"),
     [
-        (_scaled(1.05), "scaled, sheared or mirrored"),
-        (np.diag([1.0, 1.0, -1.0, 1.0]), "scaled, sheared or mirrored"),
-        (np.array([[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]), "sheared"),
+        (_scaled(1.05), r"0.0\d+ away from the nearest one, of 0.01 .* it scales by 1.05; divide"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "is 2 away .* it mirrors; swap or negate an axis"),
+        (np.array([[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]]), "it shears"),
         (np.zeros((4, 4)), "last row"),
-        (np.zeros((3, 4)), "scaled"),
+        (np.zeros((3, 4)), "it scales by 0;"),
         (_with_last_row([0, 0, 0, 2]), r"last row of a pose must be 0 0 0 1, got \[0.0, 0.0, 0.0"),
-        (_pose(7).matrix.T, "last row"),
+        (_pose(7).matrix.T, "last row .* in pose; transpose it"),
         (np.eye(3), r"must have shape \(4, 4\) or \(3, 4\), got \(3, 3\)"),
         (np.full((4, 4), np.nan), "must be finite"),
         (np.eye(4) * (1 + 0j), "must hold real numbers: dtype complex128"),
@@ -147,6 +147,8 @@ def _with_last_row(row):
 def test_from_matrix_refuses_what_is_no_pose(matrix, message):
     with pytest.raises(InvalidInput, match=message):
         Pose.from_matrix(matrix)
+    with pytest.raises(InvalidInput, match="start"):
+        Pose.from_matrix(matrix, "start")
 
 
 @pytest.mark.parametrize(

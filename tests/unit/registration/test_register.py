@@ -22,7 +22,7 @@ def test_the_default_method_has_a_name(scan):
 @pytest.mark.parametrize(
     ("initial", "message"),
     [
-        (np.zeros((2, 2)), "pose must have shape"),
+        (np.zeros((2, 2)), "initial must have shape"),
         (2.0 * np.eye(4), "pose"),
         (np.diag([1.0, 1.0, -1.0, 1.0]), "must be a rotation"),
         (np.full((4, 4), np.nan), "must be finite"),
@@ -32,6 +32,20 @@ def test_the_default_method_has_a_name(scan):
 def test_an_initial_pose_that_is_none_is_refused(scan, initial, message):
     with pytest.raises(InvalidInput, match=message):
         register(scan, scan, initial=initial)
+
+
+def test_an_initial_pose_with_few_digits_is_mended_and_noted(scan):
+    exact = yaw_pose(0.3, (0.1, 0.2, 0.0)).matrix
+    notes = {
+        digits: [note for note in register(scan, scan, initial=exact.round(digits)).notes
+                 if note.startswith("initial")]
+        for digits in (3, 12)
+    }  # fmt: skip
+    assert not notes[12]
+    [note] = notes[3]
+    defect = float(note.split(" was ")[1].split()[0])
+    assert 1e-5 < defect < 1e-3
+    assert not any(note.startswith("initial") for note in register(scan, scan).notes)
 
 
 def test_source_and_target_are_never_confused(scan):
