@@ -26,9 +26,8 @@ from tables import machine, print_table
 _FOLDS = 5
 """Of the simulated scenes, by the number of their seed."""
 
-_SIGNS = (1, -1, 0, -1, -1, 1, 1)
-"""What speaks for a pose must not count against it; roughness may do either: of two pairs with
-the same drift and deviation the rougher one is better held."""
+_SIGNS = (-1, -1, -1, -1, 1, 1)
+"""What speaks for a pose must not count against it."""
 
 _SHRINKAGE = 1e-3
 """Weight of the squares of the standardised weights in the fit."""

@@ -1,5 +1,7 @@
 """How far some points of one scan lie from the surface of another: a plane fitted at each."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +11,7 @@ from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_o
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
+from scanlock.geometry.pose import Pose
 from scanlock.kernels.probing import sums_near
 from scanlock.models.gaussians import unpacked
 
@@ -32,6 +35,9 @@ class ProbedSurface:
     flatness : (k,)
         How much of a plane it is: 1 less the variance across over that along its narrower side,
         in [0, 1].
+    thickness : (k,) [m]
+        Standard deviation that a gap would have if the probe were one more point of what the
+        plane was fitted to.
     """
 
     met: Mask
@@ -40,12 +46,43 @@ class ProbedSurface:
     gaps: Vector
     doubts: NDArray[np.float64]
     flatness: Vector
+    thickness: Vector
 
     def __post_init__(self) -> None:
         for array in (
             self.met, self.places, self.normals, self.gaps, self.doubts, self.flatness,
+            self.thickness,
         ):  # fmt: skip
             frozen(array)
+
+    @property
+    def roughness(self) -> float:
+        """Root mean squared gap [m]; NaN where nothing is met."""
+        return math.sqrt(float(np.mean(self.gaps**2))) if len(self.gaps) else math.nan
+
+    @property
+    def misfit(self) -> float:
+        """Share of the gaps that are more than twice what belongs there; NaN without any."""
+        if len(self.gaps) == 0:
+            return math.nan
+        return float(np.mean(self.gaps**2 > 4.0 * (self.thickness**2 + _LEAST_THICKNESS**2)))
+
+    def seen_back(self, pose: Pose) -> "ProbedSurface":
+        """Return it as if the probes had been the surface and the surface the probes.
+
+        Carried by a pose into the other's frame. What moves the probes along a normal then widens
+        the gap, whichever scan the probes come from.
+        """
+        turn = pose.rotation
+        return ProbedSurface(
+            self.met,
+            pose.apply(self.places),
+            self.normals @ turn.T,
+            -self.gaps,
+            turn @ self.doubts @ turn.T,
+            self.flatness,
+            self.thickness,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,7 +92,7 @@ class SurfaceProber:
     spacing: float = 1.0
     """At most one probe in each cube of this side [m], so that near walls do not decide alone."""
 
-    most: int = 500
+    most: int = 300
     """How many probes a scan gets at most, evenly over its cubes."""
 
     sample: int = 10000
@@ -80,7 +117,7 @@ class SurfaceProber:
             require_positive("radii", radius, unit="m")
         require_count("most", self.most)
         require_count("sample", self.sample)
-        require_count("least_count", self.least_count, least=3)
+        require_count("least_count", self.least_count, least=4)
         require_fraction("least_breadth", self.least_breadth)
 
     def probes(self, cloud: PointCloud) -> Points:
@@ -107,7 +144,7 @@ class SurfaceProber:
             surface = self._fitted(probes[rows], sums)
             met[rows] = surface.met
             found.append(surface)
-        return found[0] if len(found) == 1 else _joined(met, found)
+        return joined(found, met)
 
     def _fitted(self, probes: Points, sums: Matrix) -> ProbedSurface:
         """Return the surface whose moments about the probes are (m, 10) `sums`."""
@@ -127,20 +164,25 @@ class SurfaceProber:
             -np.einsum("ij,ij->i", means[broad], normals),
             _doubts(variances, axes, counts[broad, 0]),
             1.0 - variances[:, 0] / variances[:, 1],
+            _thickness(variances[:, 0], counts[broad, 0]),
         )
 
 
-def _joined(met: Mask, surfaces: list[ProbedSurface]) -> ProbedSurface:
-    """Return what was met in one circle after the other as one."""
+def joined(surfaces: Sequence[ProbedSurface], met: Mask | None = None) -> ProbedSurface:
+    """Return what was met in some surfaces one after the other; `met` if not theirs in turn."""
     return ProbedSurface(
-        met,
+        np.concatenate([one.met for one in surfaces]) if met is None else met,
         np.concatenate([one.places for one in surfaces]),
         np.concatenate([one.normals for one in surfaces]),
         np.concatenate([one.gaps for one in surfaces]),
         np.concatenate([one.doubts for one in surfaces]),
         np.concatenate([one.flatness for one in surfaces]),
+        np.concatenate([one.thickness for one in surfaces]),
     )
 
+
+_LEAST_THICKNESS = 0.02
+"""Of a surface [m]: the noise of a lidar, where a few points lie closer by chance."""
 
 _LEAST_VARIANCE = 1e-9
 """Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""
@@ -153,6 +195,11 @@ def _doubts(variances: Matrix, axes: NDArray[np.float64], counts: Vector) -> NDA
     """
     tips = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
     return np.einsum("kia,ka,kja->kij", axes[:, :, 1:], tips, axes[:, :, 1:])
+
+
+def _thickness(variances: Vector, counts: Vector) -> Vector:
+    """Return (k,) the deviation of one more point, given that of what fixed a plane's three."""
+    return np.sqrt(variances * counts / (counts - 3.0) * (1.0 + 1.0 / counts))
 
 
 def _evenly(rows: Labels, most: int) -> Labels:

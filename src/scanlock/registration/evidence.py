@@ -36,6 +36,8 @@ class Evidence:
         How far it saw; None where the origin of its frame is no sensor.
     probes : (m, 3) [m]
         Points of it, spread evenly.
+    roughness : float [m]
+        Root mean squared distance of its probes from its own surface near them.
     notes : tuple of str
         What was found on the way.
     held : PartHold
@@ -49,6 +51,7 @@ class Evidence:
     gaussians: Gaussians
     ranges: RangeImage | None
     probes: Points
+    roughness: float
     notes: tuple[str, ...]
     held: PartHold
     self_score: float = field(init=False)
@@ -71,7 +74,9 @@ def evidence_of(landmarks: Landmarks, imager: RangeImager | None = _IMAGER) -> E
         held = PartHold.none()
         notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
     ranges = None if imager is None else imager.image(cloud)
-    return Evidence(cloud, gaussians, ranges, PROBER.probes(cloud), notes, held)
+    probes = PROBER.probes(cloud)
+    roughness = PROBER.probe(cloud, probes).roughness
+    return Evidence(cloud, gaussians, ranges, probes, roughness, notes, held)
 
 
 def find_evidence(cloud: PointCloud) -> Evidence:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.geometry.pose import Pose
+from scanlock.models.probed_surface import joined
 from scanlock.registration.agreement import candidate_at
 from scanlock.registration.candidate import Candidate, second_best
 from scanlock.registration.evidence import PROBER, Evidence
@@ -60,7 +61,9 @@ def inspect(
         Where a search chose the pose, what it chose from, the chosen one first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    surface = PROBER.probe(target.cloud, pose.apply(source.probes))
+    ahead = PROBER.probe(target.cloud, pose.apply(source.probes))
+    back = PROBER.probe(source.cloud, pose.inverse().apply(target.probes)).seen_back(pose)
+    surface = joined([ahead, back])
     hold = hold_at(surface, pose.translation, target.held)
     slides = [] if hold is None else [one.axis for one in hold.directions[:2]]
     rivals = [second_best(candidates)] + [
@@ -68,14 +71,15 @@ def inspect(
         for axis in slides
     ]
     known = [rival for rival in rivals if not math.isnan(rival)]
-    gaps = surface.gaps
     return Inspection(
         Metrics(
             overlap=chosen.overlap,
             target_overlap=chosen.target_overlap,
             score=chosen.score,
-            inlier_rmse=math.sqrt(float(np.mean(gaps**2))) if len(gaps) else math.nan,
-            surface_overlap=float(np.mean(surface.met)) if len(surface.met) else math.nan,
+            inlier_rmse=surface.roughness,
+            roughness=math.hypot(target.roughness, source.roughness) / math.sqrt(2.0),
+            misfit=surface.misfit,
+            surface_overlap=float(np.mean(ahead.met)) if len(ahead.met) else math.nan,
             drift=math.nan if hold is None else hold.drift,
             violation=chosen.violation,
             second_best=max(known, default=math.nan),

@@ -10,7 +10,7 @@ class Metrics:
 
     The parts of a scan are its clusters above the ground, as Gaussians; where there are too few,
     cubes of the whole scan. They weigh by the fourth root of their points. Its probes are up to
-    1000 of its points, spread evenly, ground included. A number that cannot be told is NaN.
+    300 of its points, spread evenly, ground included. A number that cannot be told is NaN.
 
     Attributes
     ----------
@@ -24,10 +24,17 @@ class Metrics:
         The D2D score of the parts over the geometric mean of the scans' scores with themselves, in
         [0, 1]; higher is better. 1 for a scan with itself; far apart, right poses have 0.1.
     inlier_rmse : float [m]
-        Root of the mean squared distance of the source's probes from planes fitted to the
-        target's points within 0.5 m of them (1 or 2 m where it is sparse), over the inliers: the
-        probes with eight such points or more that lie on no line. Lower is better: noise and
-        roughness alone leave some centimetres. NaN without inliers.
+        Root of the mean squared distance of either scan's probes from planes fitted to the
+        other's points within 0.5 m of them (where there are too few, within 1 or 2 m), over the
+        inliers: the probes with eight such points or more that lie on no line. Lower is better:
+        noise and roughness alone leave some centimetres, sparse scans some decimetres. NaN
+        without inliers.
+    roughness : float [m]
+        What the inlier RMSE is of each scan with itself, root mean square of both: what noise,
+        roughness and sparseness leave at any pose.
+    misfit : float
+        Share of the inliers farther from their plane than twice what points there scatter, in
+        [0, 1]; lower is better.
     surface_overlap : float
         Share of the source's probes that are inliers, in [0, 1]; higher is better.
     drift : float [m]
@@ -49,6 +56,8 @@ class Metrics:
     target_overlap: float = math.nan
     score: float = math.nan
     inlier_rmse: float = math.nan
+    roughness: float = math.nan
+    misfit: float = math.nan
     surface_overlap: float = math.nan
     drift: float = math.nan
     violation: float = math.nan

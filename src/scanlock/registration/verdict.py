@@ -1,8 +1,8 @@
 """Whether a pose can be trusted: the status of a result, and the sentence that explains it."""
 
 from scanlock.registration.candidate import UNKNOWN_VIOLATION
-from scanlock.registration.confidence import probability
 from scanlock.registration.inspection import Inspection
+from scanlock.registration.metrics import Metrics
 from scanlock.registration.result import Status
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
@@ -10,8 +10,8 @@ from scanlock.solvers.stopping import StopReason
 LEAST_PROBABILITY = 0.9
 """Of a pose that is trusted; `scanlock.registration.confidence` says what it is made of."""
 
-_AGREEING = 0.9
-"""Probability, as if all were held, of scans that agree but along their weak directions."""
+_MOST_MISFIT = 0.25
+"""Of scans that agree but along their weak directions: of other places few fit as well."""
 
 _MOST_RIVALRY = 0.85
 """A rival that agrees this share as well as the pose makes it a toss-up: in terraces of equal
@@ -27,7 +27,7 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
         f"{metrics.overlap:.0%} of the source meets the target with a score of {metrics.score:.2f}"
     )
     # Before convergence: a solver may wander along what nothing holds, and that is the reason.
-    if inspection.weak and _agree(inspection):
+    if inspection.weak and _agree(metrics):
         named = "; ".join(str(one) for one in inspection.weak)
         return Status.DEGENERATE, (
             f"nothing that both scans show holds the pose {named}: it may be wrong along that; "
@@ -54,11 +54,7 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
     return Status.OK, f"{solution.reason.value}; {found}; right with probability {probable:.3f}"
 
 
-def _agree(inspection: Inspection) -> bool:
+def _agree(metrics: Metrics) -> bool:
     """Tell whether the scans agree, wherever along its weak directions the pose may be."""
-    metrics = inspection.metrics
-    return (
-        probability(metrics, inspection.directions, is_held=True) >= _AGREEING
-        # Shifted along what is the same everywhere, nothing comes to stand in the open.
-        and not metrics.violation >= UNKNOWN_VIOLATION
-    )
+    # Shifted along what is the same everywhere, nothing comes to stand in the open.
+    return metrics.misfit < _MOST_MISFIT and not metrics.violation >= UNKNOWN_VIOLATION

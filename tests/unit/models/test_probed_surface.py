@@ -3,7 +3,8 @@ import pytest
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
-from scanlock.models.probed_surface import SurfaceProber
+from scanlock.geometry.pose import Pose
+from scanlock.models.probed_surface import SurfaceProber, joined
 
 
 def _plane(count=4000, noise=0.0, seed=0):
@@ -122,3 +123,48 @@ def test_each_probe_is_looked_at_in_the_first_circle_that_holds_enough():
     np.testing.assert_allclose(np.abs(surface.gaps), [0.2, 0.1], atol=1e-9)
     assert narrow.met.tolist() == [False, True, False]
     np.testing.assert_array_equal(surface.doubts, np.concatenate([narrow.doubts, wide.doubts[:1]]))
+
+
+def test_a_gap_scatters_as_thickness_says():
+    # One more point of a noisy plane: the gap it has, over many planes.
+    gaps, told = [], []
+    for seed in range(400):
+        points = _plane(count=4000, noise=0.05, seed=seed)
+        near = points[np.argsort(np.linalg.norm(points[:, :2], axis=1))]
+        surface = _NARROW.probe(PointCloud.from_array(near[1:]), near[:1])
+        gaps.append(surface.gaps[0])
+        told.append(surface.thickness[0])
+    assert np.std(gaps) == pytest.approx(np.sqrt(np.mean(np.square(told))), rel=0.15)
+    assert np.mean(np.abs(gaps) > 2.0 * np.array(told)) == pytest.approx(0.06, abs=0.04)
+
+
+def test_roughness_and_misfit_are_of_the_gaps():
+    cloud = PointCloud.from_array(_plane())
+    probes = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.5], [-1.0, 2.0, -0.5], [2.0, 0.0, 1.0]])
+    off = np.array([0.0, 0.3, 0.01, -0.1])[:, None] * _NORMAL
+    surface = _NARROW.probe(cloud, probes + off)
+    assert surface.roughness == pytest.approx(np.sqrt((0.09 + 0.0001 + 0.01) / 4.0))
+    # The points scatter by nothing: twice the noise of a lidar is 4 cm.
+    assert surface.misfit == 0.5
+    nothing = _NARROW.probe(cloud, probes + np.array([0.0, 0.0, 50.0]))
+    assert np.isnan([nothing.roughness, nothing.misfit]).all()
+
+
+def test_seen_back_a_surface_tells_of_the_same_motion():
+    # The plane moves under probes that stay, or the probes move over a plane that stays.
+    pose = Pose.from_step(np.array([3.0, -2.0, 1.0, 0.1, 0.2, 0.9]))
+    plane = _plane()
+    probes = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.5], [-1.0, 2.0, -0.5]])
+    shift = 0.07 * _NORMAL
+    # Target: plane; source: probes lifted by the shift and carried away by the pose's inverse.
+    ahead = _NARROW.probe(PointCloud.from_array(plane), probes + shift)
+    source = PointCloud.from_array(pose.inverse().apply(plane + shift))
+    back = _NARROW.probe(source, pose.inverse().apply(probes)).seen_back(pose)
+    np.testing.assert_allclose(back.places, probes, atol=1e-12)
+    signs = np.sign(np.einsum("ij,ij->i", back.normals, ahead.normals))[:, None]
+    np.testing.assert_allclose(back.normals * signs, ahead.normals, atol=1e-6)
+    np.testing.assert_allclose(back.gaps * signs[:, 0], ahead.gaps, atol=1e-6)
+    np.testing.assert_allclose(back.doubts, ahead.doubts, atol=1e-9)
+    both = joined([ahead, back])
+    assert both.met.tolist() == [True] * 6
+    np.testing.assert_array_equal(both.gaps[3:], back.gaps)

@@ -22,6 +22,7 @@ def _surface(places, normals, gaps=None, flatness=None):
         np.zeros(n) if gaps is None else np.array(gaps, float),
         np.zeros((n, 3, 3)),
         np.ones(n) if flatness is None else np.array(flatness, float),
+        np.full(n, 0.02),
     )
 
 

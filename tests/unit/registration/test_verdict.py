@@ -35,7 +35,8 @@ def _hold(share=0.5):
 
 
 def _inspection(hold=None, **metrics):
-    seen = {"overlap": 0.8, "target_overlap": 0.7, "score": 0.5, "second_best": 0.2, **metrics}
+    seen = {"overlap": 0.8, "target_overlap": 0.7, "score": 0.5, "second_best": 0.2, "misfit": 0.1,
+            **metrics}  # fmt: skip
     return Inspection(Metrics(**seen), hold or _hold())
 
 
@@ -70,6 +71,13 @@ def test_a_direction_that_nothing_holds_is_degenerate_and_named():
     assert status is Status.DEGENERATE
     assert "forward" in sentence
     assert judge(_solution(), _inspection(_hold(share=0.1)), 1.0)[0] is Status.OK
+
+
+@pytest.mark.parametrize("disagreeing", [{"misfit": 0.4}, {"violation": 0.3}, {"misfit": math.nan}])
+def test_scans_that_do_not_agree_are_not_called_degenerate(disagreeing):
+    status, sentence = judge(_solution(), _inspection(_hold(share=0.001), **disagreeing), 0.2)
+    assert status is Status.LOW_OVERLAP
+    assert "likely wrong" in sentence
 
 
 def test_without_shared_surfaces_nothing_is_trusted():
