@@ -185,7 +185,9 @@ def _ailment(matrix: Matrix) -> str:
     if volume < 0.0:
         return "it mirrors; swap or negate an axis of one of the frames"
     scale = float(np.cbrt(volume))
-    if np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, scale**2 * np.eye(3), atol=0.01 * scale**2):
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = matrix[:3, :3] @ matrix[:3, :3].T / scale**2 if scale > 0.0 else np.zeros((3, 3))
+    if np.allclose(square, np.eye(3), atol=0.01) or not matrix[:3, :3].any():
         return f"it scales by {scale:.4g}; divide by that, and bring both clouds to metres"
     return "it shears; give a rotation"
 

@@ -12,6 +12,7 @@ import numpy as np
 from scanlock.arrays import Points
 from scanlock.errors import FormatError, InvalidInput, MissingExtra
 from scanlock.io.faults import malformed
+from scanlock.io.laz_chunks import check_layers
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
 _FINEST_STEP = 1e-4
@@ -40,8 +41,12 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
     _require_backend(laspy, path, compressed=compressed)
     try:
         # Damaged scales overflow; the infinite coordinates that result speak for themselves.
+        if compressed:
+            check_layers(laspy, path, data)
         with np.errstate(over="ignore", invalid="ignore"):
             expected, points, fields = _decoded(laspy, data)
+    except FormatError:
+        raise
     except _decoding_errors(laspy) as error:
         raise FormatError(
             f"{path}: expected {'LAZ' if compressed else 'LAS'} point records, found data that "

@@ -3,6 +3,7 @@
 import io
 import math
 import struct
+import warnings
 import zipfile
 import zlib
 from pathlib import Path
@@ -105,7 +106,10 @@ def array_from_npy(path: Path, data: bytes) -> NDArray[Any]:
             if version == (1, 0)
             else np.lib.format.read_array_header_2_0
         )
-        shape, fortran_order, dtype = read_header(stream)
+        # Headers of old or damaged files may make NumPy warn about them.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            shape, fortran_order, dtype = read_header(stream)
     # NumPy reads the header as Python text, and fails in as many ways as Python does.
     except (ValueError, SyntaxError, TypeError, MemoryError, TokenError) as error:
         raise FormatError(

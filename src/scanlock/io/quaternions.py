@@ -1,5 +1,6 @@
 """Poses written as a translation and a unit quaternion."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,7 +21,7 @@ def pose_from_quaternion(translation: Sequence[float], quaternion: Sequence[floa
         The norm of the quaternion is not 1, or a number is not finite.
     """
     q = np.asarray(quaternion, dtype=np.float64)
-    norm = float(np.linalg.norm(q))
+    norm = math.hypot(*q)
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
         raise InvalidInput(f"a quaternion must have norm 1, got {norm:.6g} for {list(quaternion)}")
     w, x, y, z = q / norm

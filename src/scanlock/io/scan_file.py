@@ -141,7 +141,9 @@ def scan_from_columns(
                 found=f"{column.dtype} of shape {column.shape}",
                 remedy="store the coordinates as three scalar columns",
             )
-        points[:, axis] = column
+        # A signalling NaN is one more row without a place, and no reason for a warning.
+        with np.errstate(invalid="ignore"):
+            points[:, axis] = column
     fields = {
         name: native(column)
         for place, (name, column) in enumerate(zip(names, columns, strict=True))

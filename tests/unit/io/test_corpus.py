@@ -1,0 +1,71 @@
+"""Files that once did harm to a reader, and a few thousand fresh ones."""
+
+import contextlib
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scanlock import io
+from scanlock.errors import FormatError, ScanlockError
+
+_ROOT = Path(__file__).parents[3]
+_CORPUS = sorted(path for path in (_ROOT / "tests" / "corpus").glob("*/*") if path.is_file())
+
+
+def test_the_corpus_is_there():
+    assert len(_CORPUS) >= 40
+
+
+@pytest.mark.parametrize("path", _CORPUS, ids=lambda path: f"{path.parent.name}-{path.name}")
+def test_what_once_did_harm_is_read_or_refused(path):
+    reader = getattr(io, path.parent.name)
+    with contextlib.suppress(ScanlockError):
+        assert reader(path) is not None
+
+
+def test_layers_that_a_laz_file_cannot_hold_are_refused():
+    pytest.importorskip("laspy")
+    with pytest.raises(FormatError, match="layers and all"):
+        io.read_scan(_ROOT / "tests" / "corpus" / "read_scan" / "layers.laz")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits memory as Linux does")
+def test_thousands_of_damaged_files_do_no_harm(tmp_path):
+    command = [sys.executable, _ROOT / "benchmarks" / "fuzz_readers.py", "--inputs", "4400"]
+    done = subprocess.run(
+        [*command, "--seed", "7", "--keep", tmp_path], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("| none |") == 22
+
+
+class _Trap:
+    """An object whose pickle writes a file when it is read."""
+
+    def __init__(self, path):
+        self._path = path
+
+    def __reduce__(self):
+        return open, (str(self._path), "w")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.bin", "a.txt", "a.pcd", "a.pkl"])
+def test_pickles_are_never_read(tmp_path, name):
+    sprung, path = tmp_path / "sprung", tmp_path / name
+    trap = np.array([_Trap(sprung)], dtype=object)
+    if name.endswith(".npy"):
+        np.save(path, trap, allow_pickle=True)
+    elif name.endswith(".npz"):
+        np.savez(path, points=trap)
+    else:
+        path.write_bytes(pickle.dumps(_Trap(sprung)))
+    for reader in (io.read_scan, io.read_pose, io.read_labels):
+        with pytest.raises(ScanlockError):
+            reader(path)
+    assert not sprung.exists()
+    pickle.loads(pickle.dumps(_Trap(sprung))).close()
+    assert sprung.exists()
