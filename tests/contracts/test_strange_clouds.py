@@ -1,0 +1,130 @@
+"""Clouds that nobody should register: an error or a status that is not ok, for every method."""
+
+import numpy as np
+import pytest
+
+from contracts.traits import gap, result, source, target
+from scanlock.errors import InvalidInput
+from scanlock.registration.methods import METHODS
+from scanlock.registration.register import register
+
+pytestmark = pytest.mark.parametrize("method", METHODS)
+
+_LINE = np.outer(np.linspace(-20.0, 20.0, 5000), [1.0, 0.0, 0.0])
+_SPOT = np.tile([[3.0, 1.0, 0.0]], (5000, 1))
+
+
+def _plane():
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.uniform(-20.0, 20.0, (6000, 2)), np.zeros(6000)])
+
+
+def _ball(scan):
+    """Another sample of the same ball for each scan: any turn lays one onto the other."""
+    seed = int(1e6 * abs(float(scan[0, 0])))
+    ball = np.random.default_rng(seed).normal(size=(6000, 3))
+    return 10.0 * ball / np.linalg.norm(ball, axis=1)[:, None]
+
+
+_POOR = {
+    "one point": lambda scan: scan[:1],
+    "two points": lambda scan: scan[:2],
+    "one place": lambda scan: _SPOT,
+    "a line": lambda scan: _LINE,
+    "a plane": lambda scan: _plane(),
+    "a ball": _ball,
+    "nothing returned": lambda scan: np.zeros((500, 3)),
+    "micrometres across": lambda scan: 1e-6 * scan,
+    "millimetres": lambda scan: 1e3 * scan,
+    "thousands of kilometres": lambda scan: 1e6 * scan,
+    "a milliard times as large": lambda scan: 1e9 * scan,
+}
+
+
+@pytest.mark.parametrize("name", _POOR)
+def test_too_poor_a_cloud_is_never_ok(method, name):
+    make = _POOR[name]
+    for scans in ((make(source(method)), make(target())), (make(source(method)), target())):
+        found = register(*scans, method=method)
+        assert not found.ok
+        assert found.reason
+        assert np.isfinite(found.target_from_source.matrix).all()
+
+
+def test_a_unit_that_cannot_be_metres_is_named(method):
+    found = register(1e3 * source(method), target(), method=method)
+    assert any("source" in note and "multiply by 0.001" in note for note in found.notes)
+    found = register(source(method), 1e-3 * target(), method=method)
+    assert any("target" in note and "must be metres" in note for note in found.notes)
+    assert not any("metres" in note for note in result(method).notes)
+
+
+def test_a_mirrored_scan_is_never_ok(method):
+    mirror = np.array([1.0, -1.0, 1.0])
+    assert not register(source(method) * mirror, target(), method=method).ok
+    # Both mirrored is a left-handed frame, and a rigid motion all the same.
+    both = register(source(method) * mirror, target() * mirror, method=method)
+    assert both.ok
+    rotation = both.target_from_source.rotation
+    expected = result(method).target_from_source.rotation
+    turned = expected * np.outer(mirror, mirror)
+    assert np.abs(rotation - turned).max() < 0.01
+
+
+@pytest.mark.parametrize("far", [1e6, 1e11])
+def test_a_point_of_garbage_costs_nothing_and_no_memory(method, far):
+    spoilt = np.vstack([source(method), [[far, -far, far]]])
+    found = register(spoilt, target(), method=method)
+    assert found.ok
+    assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.02
+
+
+def test_points_told_many_times_are_weighed_and_found_right(method):
+    found = register(np.repeat(source(method), 3, axis=0), target(), method=method)
+    assert found.ok
+    assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.1
+
+
+_LAYOUTS = {
+    "Fortran": np.asfortranarray,
+    "big-endian": lambda scan: scan.astype(">f8"),
+    "strided": lambda scan: np.repeat(scan, 2, axis=0)[::2],
+    "backwards in memory": lambda scan: scan[::-1].copy()[::-1],
+    "columns of a wider array": lambda scan: np.column_stack([scan, scan, scan])[:, :3],
+    "wide": lambda scan: np.column_stack([scan, np.full((len(scan), 2), np.nan)]),
+    "extended": lambda scan: scan.astype(np.longdouble),
+    "a list": lambda scan: scan.tolist(),
+    "masked nowhere": lambda scan: np.ma.array(scan, mask=False),
+}
+
+
+@pytest.mark.parametrize("name", _LAYOUTS)
+def test_how_numbers_lie_in_memory_changes_no_bit(method, name):
+    made = _LAYOUTS[name]
+    found = register(made(source(method)), made(target()), method=method)
+    assert found.target_from_source == result(method).target_from_source
+    assert found.probability == result(method).probability
+
+
+def test_whole_numbers_are_taken_as_what_they_are(method):
+    whole = [np.round(scan).astype(np.int16) for scan in (source(method), target())]
+    as_floats = [scan.astype(np.float64) for scan in whole]
+    found, expected = register(*whole, method=method), register(*as_floats, method=method)
+    assert found.target_from_source == expected.target_from_source
+
+
+@pytest.mark.parametrize(
+    ("scan", "message"),
+    [
+        (None, "got None"),
+        ("scan.ply", "read_scan reads files"),
+        (np.zeros((3, 500)), "transpose it: source.T"),
+        (np.zeros((9, 3), complex), "dtype complex128"),
+        (np.zeros((9, 3), object), "convert it"),
+        (np.zeros((1, 9, 3)), r"shape \(n, 3\)"),
+        (np.zeros(9, [("x", float), ("y", float), ("z", float)]), "np.column_stack"),
+    ],
+)
+def test_what_is_no_cloud_is_refused_with_the_remedy(method, scan, message):
+    with pytest.raises(InvalidInput, match=f"source.*{message}"):
+        register(scan, target(), method=method)
