@@ -38,9 +38,9 @@ _LEAST_SHARE: dict[MotionKind, float] = {"translation": 0.05, "rotation": 0.01}
 they bend at a corner: endless corridors have up to 0.033 along them, round rooms and tunnels 0.001
 about their axis."""
 
-_LEAST_PART_SHARE = 0.15
-"""Endless corridors, tunnels, bare walls and lines have up to 0.13; streets, forests and yards 0.15
-to 1 where they have no planes either."""
+_LEAST_PART_SHARE: dict[MotionKind, float] = {"translation": 0.15, "rotation": 0.35}
+"""Endless corridors, tunnels, bare walls and lines have up to 0.13, the plates of a sphere 0.34
+about any axis; streets, forests and yards mostly have 0.4 to 1 where they have no planes."""
 
 _LEAST_PLANES = 12
 """Fewer planes say nothing: twice the six numbers of a pose."""
@@ -92,7 +92,9 @@ class HeldDirection:
     @property
     def is_weak(self) -> bool:
         """Whether so little holds it that the pose may be wrong along it by any amount."""
-        return self.share < _LEAST_SHARE[self.kind] and self.part_share < _LEAST_PART_SHARE
+        return (
+            self.share < _LEAST_SHARE[self.kind] and self.part_share < _LEAST_PART_SHARE[self.kind]
+        )
 
     def __str__(self) -> str:
         if self.kind == "translation":

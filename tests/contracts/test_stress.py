@@ -1,0 +1,59 @@
+"""A hundred threads, eight processes, hundreds of calls: the bytes of one, and flat memory."""
+
+import gc
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import astuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contracts.traits import source, target
+from reference.samples import street
+from scanlock.registration.register import register
+
+_METHODS = ("auto", "sgc-ndt-d2d", "gicp", "icp", "ndt")
+
+
+def _told(method):
+    found = register(source(method), target(), method=method)
+    numbers = np.array([*astuple(found.metrics), found.probability])
+    return found.target_from_source.matrix.tobytes() + numbers.tobytes()
+
+
+def test_a_hundred_threads_at_once_give_the_bytes_of_one():
+    alone = {method: _told(method) for method in _METHODS}
+    jobs = [_METHODS[k % len(_METHODS)] for k in range(200)]
+    with ThreadPoolExecutor(100) as pool:
+        for method, found in zip(jobs, pool.map(_told, jobs), strict=True):
+            assert found == alone[method]
+
+
+@pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
+)
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_eight_processes_at_once_give_the_bytes_of_one():
+    alone = {method: _told(method) for method in _METHODS}
+    jobs = [_METHODS[k % len(_METHODS)] for k in range(80)]
+    context = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(8, mp_context=context) as pool:
+        for method, found in zip(jobs, pool.map(_told, jobs), strict=True):
+            assert found == alone[method]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads memory as Linux tells it")
+def test_memory_is_flat_over_hundreds_of_registrations():
+    scans = street(1, 3000), street(2, 3000)
+
+    def used_after(count):
+        for _ in range(count):
+            register(*scans)
+        gc.collect()
+        return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
+
+    before = used_after(100)
+    # One scan kept by each call would be 100 times as much.
+    assert used_after(300) - before < 300 * 2000
