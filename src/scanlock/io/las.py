@@ -12,7 +12,7 @@ import numpy as np
 from scanlock.arrays import Points
 from scanlock.errors import FormatError, InvalidInput, MissingExtra
 from scanlock.io.faults import malformed
-from scanlock.io.laz_chunks import check_layers
+from scanlock.io.laz_chunks import check_chunks
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
 _FINEST_STEP = 1e-4
@@ -42,7 +42,7 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
     try:
         # Damaged scales overflow; the infinite coordinates that result speak for themselves.
         if compressed:
-            check_layers(laspy, path, data)
+            check_chunks(laspy, path, data)
         with np.errstate(over="ignore", invalid="ignore"):
             expected, points, fields = _decoded(laspy, data)
     except FormatError:

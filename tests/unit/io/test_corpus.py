@@ -27,10 +27,14 @@ def test_what_once_did_harm_is_read_or_refused(path):
         assert reader(path) is not None
 
 
-def test_layers_that_a_laz_file_cannot_hold_are_refused():
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("layers.laz", "layers and all"), ("chunk_size.laz", "found chunks of 4278240080")],
+)
+def test_what_a_laz_file_cannot_hold_is_refused_before_room_is_made(name, message):
     pytest.importorskip("laspy")
-    with pytest.raises(FormatError, match="layers and all"):
-        io.read_scan(_ROOT / "tests" / "corpus" / "read_scan" / "layers.laz")
+    with pytest.raises(FormatError, match=message):
+        io.read_scan(_ROOT / "tests" / "corpus" / "read_scan" / name)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits memory as Linux does")
