@@ -20,7 +20,7 @@ _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
 """Of the items of a point: the point itself, colours, colours with near infrared, wave packets."""
 
 _MOST_POINTS = 1_000_000
-"""Of a chunk in a file that holds fewer: chunks have 50,000 unless someone asked for another size."""
+"""Of a chunk in a file that holds fewer: chunks have 50,000 unless asked for another size."""
 
 _EXTRA_BYTES = 14
 """The item of bytes of one's own: a layer each."""
