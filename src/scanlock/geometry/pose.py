@@ -61,12 +61,18 @@ class Pose:
             _real_array("rotation", self.rotation, [(3, 3)]),
             _real_array("translation", self.translation, [(3,)]),
         )
-        gap = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
-        if gap > _ROUNDING or np.linalg.det(self.rotation) < 0:
+        if not self._is_rotation():
             raise InvalidInput(
                 f"rotation must be orthonormal with determinant +1, got {self.rotation.tolist()}; "
                 "Pose.from_matrix mends one that is slightly off"
             )
+
+    def _is_rotation(self) -> bool:
+        # Huge numbers would overflow in the products, and are none of a rotation's.
+        if np.abs(self.rotation).max() > 1.0 + _ROUNDING:
+            return False
+        gap = float(np.abs(self.rotation @ self.rotation.T - np.eye(3)).max())
+        return gap <= _ROUNDING and np.linalg.det(self.rotation) > 0.0
 
     @classmethod
     def _of_poses(cls, rotation: Matrix, translation: Vector) -> "Pose":
@@ -181,7 +187,8 @@ class Pose:
 
 def _ailment(matrix: Matrix) -> str:
     """Return what is wrong with a matrix that should hold a rotation, and the remedy."""
-    volume = float(np.linalg.det(matrix[:3, :3]))
+    with np.errstate(over="ignore", invalid="ignore"):
+        volume = float(np.linalg.det(matrix[:3, :3]))
     if volume < 0.0:
         return "it mirrors; swap or negate an axis of one of the frames"
     scale = float(np.cbrt(volume))

@@ -47,7 +47,9 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
             expected, points, fields = _decoded(laspy, data)
     except FormatError:
         raise
-    except _decoding_errors(laspy) as error:
+    except BaseException as error:
+        if not (isinstance(error, _decoding_errors(laspy)) or _is_panic(error)):
+            raise
         raise FormatError(
             f"{path}: expected {'LAZ' if compressed else 'LAS'} point records, found data that "
             f"laspy cannot read ({error}); {_REMEDY}"
@@ -221,6 +223,14 @@ def _laspy(path: Path) -> Any:
 def _require_backend(laspy: Any, path: Path, *, compressed: bool) -> None:
     if compressed and not laspy.LazBackend.detect_available():
         raise MissingExtra(f'{path}: LAZ needs a decompressor: pip install "scanlock[las]"')
+
+
+def _is_panic(error: BaseException) -> bool:
+    """Tell whether the decompressor, which is written in Rust, gave up on damaged data.
+
+    Such errors derive from `BaseException` alone, and their class is not to be imported.
+    """
+    return type(error).__name__ == "PanicException"
 
 
 def _decoding_errors(laspy: Any) -> tuple[type[Exception], ...]:

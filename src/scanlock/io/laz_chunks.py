@@ -44,18 +44,27 @@ def check_chunks(laspy: Any, path: Path, data: bytes) -> None:
     place.seek(start)
     chunks = lazrs.read_chunk_table(place, lazrs.LazVlr(record))
     for points, _ in chunks:
-        if points > max(header.point_count, _MOST_POINTS):
+        # A chunk of none would be divided by.
+        if not 0 < points <= max(header.point_count, _MOST_POINTS):
             raise malformed(
                 path,
                 "header",
-                expected=f"chunks of at most the file's {header.point_count} points",
+                expected=f"chunks of one to the file's {header.point_count} points",
                 found=f"chunks of {points}",
                 remedy=_REMEDY,
             )
-    if way != _LAYERED:
-        return
     (count,) = struct.unpack_from("<H", record, 32)
     items = [struct.unpack_from("<HH", record, 34 + 6 * one) for one in range(count)]
+    if sum(size for _, size in items) != row_size:
+        raise malformed(
+            path,
+            "header",
+            expected=f"items that make up the {row_size} bytes of a point",
+            found=f"items of {sum(size for _, size in items)}",
+            remedy=_REMEDY,
+        )
+    if way != _LAYERED:
+        return
     layers = sum(size if kind == _EXTRA_BYTES else _LAYERS.get(kind, 0) for kind, size in items)
     at = start + 8
     for _, size in chunks:

@@ -29,7 +29,11 @@ def test_what_once_did_harm_is_read_or_refused(path):
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("layers.laz", "layers and all"), ("chunk_size.laz", "found chunks of 4278240080")],
+    [
+        ("layers.laz", "layers and all"),
+        ("chunk_size.laz", "found chunks of 4278240080"),
+        ("no_items.laz", "found items of 0"),
+    ],
 )
 def test_what_a_laz_file_cannot_hold_is_refused_before_room_is_made(name, message):
     pytest.importorskip("laspy")
@@ -73,3 +77,22 @@ def test_pickles_are_never_read(tmp_path, name):
     assert not sprung.exists()
     pickle.loads(pickle.dumps(_Trap(sprung))).close()
     assert sprung.exists()
+
+
+def test_a_panic_of_the_decompressor_is_an_error_of_the_file(monkeypatch, tmp_path):
+    laspy = pytest.importorskip("laspy")
+    path = tmp_path / "a.las"
+    io.write_scan(path, np.random.default_rng(0).uniform(-9.0, 9.0, (5, 3)))
+
+    def panics(stream):
+        raise type("PanicException", (BaseException,), {})("index out of bounds")
+
+    def interrupted(stream):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(laspy, "read", panics)
+    with pytest.raises(FormatError, match="index out of bounds"):
+        io.read_scan(path)
+    monkeypatch.setattr(laspy, "read", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        io.read_scan(path)
