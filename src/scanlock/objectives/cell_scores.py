@@ -1,6 +1,7 @@
 """The scores of NDT over the cells near a point: P2D of Biber, Magnusson and the libraries."""
 
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -11,7 +12,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.kernels.cells import cell_terms, trilinear_terms
 from scanlock.models.voxel_gaussians import VoxelGaussians
 from scanlock.objectives.gaussian_scores import ScoreShape
-from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, shares_of_rows
 
 CellMeeting = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
 """Which cells of the target a point of the source meets.
@@ -71,10 +72,7 @@ class PointsToCells:
 
     def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
         """Return what the points of each unit add to gradient and Hessian at `pose`."""
-        order, runs = gathered(units)
-        points = read_only(self.points[order])
-        terms = [self._terms(pose, points[run]) for run in runs]
-        return QuadraticShares.from_terms(np.array(terms))
+        return shares_of_rows(units, [self.points], partial(self._terms, pose))
 
     def _terms(self, pose: Pose, points: Points) -> Vector:
         target = self.target

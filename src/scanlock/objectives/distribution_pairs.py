@@ -1,6 +1,7 @@
 """The cost of generalised ICP: pairs of points with covariances (Segal et al. 2009, eq. 2)."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.kernels.pairs import pair_precisions, pair_terms
 from scanlock.models.gaussians import unpacked
 from scanlock.models.surface_points import SurfacePoints
-from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, shares_of_rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,11 +98,8 @@ class DistributionPairs:
 
     def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
         """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
-        order, runs = gathered(units)
-        precisions = read_only(self.precisions[order])
-        rows = read_only(self.target_rows[order]), read_only(self.source_rows[order])
-        terms = [self._terms(pose, precisions[run], *(one[run] for one in rows)) for run in runs]
-        return QuadraticShares.from_terms(np.array(terms))
+        pairs = self.precisions, self.target_rows, self.source_rows
+        return shares_of_rows(units, pairs, partial(self._terms, pose))
 
     def _terms(
         self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels

@@ -15,7 +15,13 @@ from scanlock.kernels.p2d import p2d_terms, point_balls
 from scanlock.models.gaussians import Gaussians
 from scanlock.objectives.candidates import Candidates, Lists
 from scanlock.objectives.near_pairs import NearPairs, Reach
-from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
+from scanlock.objectives.quadratic import (
+    Curvature,
+    Quadratic,
+    QuadraticShares,
+    gathered,
+    shares_of_rows,
+)
 from scanlock.threads import spread
 
 _KEPT = "_near_pairs"
@@ -205,10 +211,11 @@ class PointsToGaussians:
 
     def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
         """Return what the points of each unit add to gradient and Hessian at `pose`."""
-        order, runs = gathered(units)
-        points = read_only(self.points[order])
-        terms = [self._terms(pose, points[run], point_balls(points[run])) for run in runs]
-        return QuadraticShares.from_terms(np.array(terms))
+
+        def terms(points: Points) -> Vector:
+            return self._terms(pose, points, point_balls(points))
+
+        return shares_of_rows(units, [self.points], terms)
 
     def _terms(self, pose: Pose, points: Points, balls: Matrix) -> Vector:
         terms = p2d_terms(

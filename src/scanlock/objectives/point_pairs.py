@@ -1,13 +1,14 @@
 """The cost of pairs of points: eq. (2) of Madhavan and Messina 2003, to planes, or under noise."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.pairs import pair_precisions, pair_terms
-from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, gathered
+from scanlock.objectives.quadratic import Curvature, Quadratic, QuadraticShares, shares_of_rows
 
 _ROWS = [0, 0, 0, 1, 1, 2]
 _COLUMNS = [0, 1, 2, 1, 2, 2]
@@ -64,11 +65,8 @@ class PointPairs:
 
     def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
         """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
-        order, runs = gathered(units)
-        precisions = read_only(self.precisions[order])
-        rows = read_only(self.target_rows[order]), read_only(self.source_rows[order])
-        terms = [self._terms(pose, precisions[run], *(one[run] for one in rows)) for run in runs]
-        return QuadraticShares.from_terms(np.array(terms))
+        pairs = self.precisions, self.target_rows, self.source_rows
+        return shares_of_rows(units, pairs, partial(self._terms, pose))
 
     def _terms(
         self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels

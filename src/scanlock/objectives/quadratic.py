@@ -1,9 +1,11 @@
 """What a solver sees of an objective at one pose."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.geometry.pose import Pose
@@ -102,6 +104,19 @@ class QuadraticShares:
         hessians[:, _UPPER[0], _UPPER[1]] = terms[:, 7:]
         hessians[:, _UPPER[1], _UPPER[0]] = terms[:, 7:]
         return cls(np.ascontiguousarray(terms[:, 1:7]), hessians)
+
+
+def shares_of_rows(
+    units: Labels, arrays: Sequence[NDArray[Any]], terms: Callable[..., Vector]
+) -> QuadraticShares:
+    """Return the shares of units whose rows of some (m, ...) arrays a kernel sums up.
+
+    `terms` returns the 28 sums of the rows that it is given of each array.
+    """
+    order, runs = gathered(units)
+    ordered = [read_only(array[order]) for array in arrays]
+    found = [terms(*(array[run] for array in ordered)) for run in runs]
+    return QuadraticShares.from_terms(np.array(found))
 
 
 def gathered(units: Labels) -> tuple[Labels, list[slice]]:
