@@ -1,5 +1,6 @@
 """Scans made ready once, to be target of one registration and source of the next."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,23 +52,7 @@ class PreparedScan:
         """What was found on the way that a user may want to know."""
         found = () if self.evidence is None else self.evidence.notes
         notes = dict.fromkeys((*self.kept.notes, *found))
-        if self.cloud.dropped_count:
-            count = self.cloud.dropped_count
-            return (f"{count} rows with NaN or Inf left out", *self._origin(), *notes)
-        return (*self._origin(), *notes)
-
-    def _origin(self) -> tuple[str, ...]:
-        origin, rounding = self.cloud.origin, self.cloud.rounding
-        if not origin.any():
-            return _doubts_of_unit(self.cloud)
-        told = f"computed about the origin {origin.tolist()} m"
-        if rounding < _COARSE:
-            return (told, *_doubts_of_unit(self.cloud))
-        coarse = (
-            f"coordinates are rounded to {rounding:.3g} m, as single precision is so far from "
-            "zero; read them in double precision, or subtract an offset before they are stored"
-        )
-        return (told, coarse, *_doubts_of_unit(self.cloud))
+        return (*_remarks(self.cloud), *notes)
 
 
 _COARSE = 0.001
@@ -78,19 +63,28 @@ _WIDEST, _NARROWEST = 2000.0, 0.1
 nearer than the other."""
 
 
-def _doubts_of_unit(cloud: PointCloud) -> tuple[str, ...]:
+def _remarks(cloud: PointCloud) -> Iterator[str]:
+    """Yield what is remarkable about the points themselves."""
+    if cloud.dropped_count:
+        yield f"{cloud.dropped_count} rows with NaN or Inf left out"
+    if cloud.origin.any():
+        yield f"computed about the origin {cloud.origin.tolist()} m"
+    if cloud.rounding > _COARSE:
+        yield (
+            f"coordinates are rounded to {cloud.rounding:.3g} m, as single precision is so far "
+            "from zero; read them in double precision, or subtract an offset before they are stored"
+        )
     spread = cloud.spread
     if spread > _WIDEST:
-        return (
+        yield (
             f"half of the points lie more than {spread:.3g} m from their middle; where these are "
-            "millimetres, multiply by 0.001",
+            "millimetres, multiply by 0.001"
         )
     if spread < _NARROWEST:
-        return (
+        yield (
             f"half of the points lie within {spread:.3g} m of their middle; coordinates must be "
-            "metres",
+            "metres"
         )
-    return ()
 
 
 def prepare(
