@@ -40,9 +40,9 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
     compressed = _check_header(path, data)
     _require_backend(laspy, path, compressed=compressed)
     try:
-        # Damaged scales overflow; the infinite coordinates that result speak for themselves.
         if compressed:
             check_chunks(laspy, path, data)
+        # Damaged scales overflow; the infinite coordinates that result speak for themselves.
         with np.errstate(over="ignore", invalid="ignore"):
             expected, points, fields = _decoded(laspy, data)
     except FormatError:

@@ -25,7 +25,6 @@ _MOST_POINTS = 1_000_000
 _EXTRA_BYTES = 14
 """The item of bytes of one's own: a layer each."""
 
-
 _REMEDY = "the file is cut short or damaged; copy it again"
 
 
@@ -38,13 +37,12 @@ def check_chunks(laspy: Any, path: Path, data: bytes) -> None:
     (start,) = struct.unpack_from("<I", data, 96)
     (row_size,) = struct.unpack_from("<H", data, 105)
     record = header.vlrs.get("LasZipVlr")[0].record_data
-    way, *_ = struct.unpack_from("<H", record)
+    (way,) = struct.unpack_from("<H", record)
     lazrs = importlib.import_module("lazrs")
     place = io.BytesIO(data)
     place.seek(start)
     chunks = lazrs.read_chunk_table(place, lazrs.LazVlr(record))
     for points, _ in chunks:
-        # A chunk of none would be divided by.
         if not 0 < points <= max(header.point_count, _MOST_POINTS):
             raise malformed(
                 path,
@@ -55,12 +53,13 @@ def check_chunks(laspy: Any, path: Path, data: bytes) -> None:
             )
     (count,) = struct.unpack_from("<H", record, 32)
     items = [struct.unpack_from("<HH", record, 34 + 6 * one) for one in range(count)]
-    if sum(size for _, size in items) != row_size:
+    held = sum(size for _, size in items)
+    if held != row_size:
         raise malformed(
             path,
             "header",
             expected=f"items that make up the {row_size} bytes of a point",
-            found=f"items of {sum(size for _, size in items)}",
+            found=f"items of {held}",
             remedy=_REMEDY,
         )
     if way != _LAYERED:
