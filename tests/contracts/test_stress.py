@@ -55,5 +55,5 @@ def test_memory_is_flat_over_hundreds_of_registrations():
         return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
 
     before = used_after(100)
-    # One scan kept by each call would be 100 times as much.
+    # One scan kept by each call would be 36 times as much.
     assert used_after(300) - before < 300 * 2000

@@ -49,7 +49,7 @@ class Metrics:
         How well the best rival agrees as a share of the pose chosen, at least 0; lower is better,
         1 is a toss-up. Rivals are the other poses that a search finished, by overlap, score and
         violation together; and the source slid by 0.75 to 10 m along the two directions in which
-        the target holds it least, by score.
+        the planes hold it least, by score.
     """
 
     overlap: float = math.nan

@@ -50,7 +50,9 @@ class PartHold:
             _about(information, origin, kind) for information in (self.information, self.possible)
         )
         along = np.einsum("ia,ij,ja->a", axes, held, axes)
-        return along / np.maximum(np.einsum("ia,ij,ja->a", axes, possible, axes), 1e-9)
+        most = np.einsum("ia,ij,ja->a", axes, possible, axes)
+        # Scaled by the translation held best, a rotation may be held better than by all parts.
+        return np.clip(along / np.maximum(most, 1e-9), 0.0, 1.0)
 
 
 def held_by_parts(gaussians: Gaussians) -> PartHold:
@@ -74,9 +76,8 @@ def held_by_parts(gaussians: Gaussians) -> PartHold:
 
 def _summed(places: Points, held: NDArray[np.float64], weights: Vector) -> Matrix:
     """Return (6, 6) information of (k, 3, 3) what is held at each of (k, 3) places."""
-    motions = np.concatenate(
-        [np.broadcast_to(np.eye(3), held.shape), -hats(places)], axis=2
-    )  # of the place, by a step
+    # Of each place, by a step.
+    motions = np.concatenate([np.broadcast_to(np.eye(3), held.shape), -hats(places)], axis=2)
     return np.einsum("k,kai,kab,kbj->ij", weights, motions, held, motions, optimize=True)
 
 

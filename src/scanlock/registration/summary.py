@@ -19,8 +19,14 @@ def metric_rows(metrics: Metrics) -> Rows:
         rows.append(("overlap", f"{met}, {metrics.target_overlap:.0%} of the target the source"))
         rows.append(("score", f"{metrics.score:.2f}, of 1 for identical scans"))
     if not math.isnan(metrics.inlier_rmse):
-        share = f"{metrics.surface_overlap:.0%} of the source"
-        rows.append(("inlier rmse", f"{metrics.inlier_rmse:.3f} m to the surface, {share}"))
+        found = f"{metrics.surface_overlap:.0%} of the source finds a surface"
+        rows.append(("inlier rmse", f"{metrics.inlier_rmse:.3f} m to the surface; {found}"))
+    if not math.isnan(metrics.roughness):
+        rows.append(("roughness", f"{metrics.roughness:.3f} m of each scan to its own surface"))
+    if not math.isnan(metrics.misfit):
+        rows.append(("misfit", f"{metrics.misfit:.0%} lies off the surface more than it scatters"))
+    if not math.isnan(metrics.drift):
+        rows.append(("drift", f"{metrics.drift:.3f} m, by one step onto the surfaces"))
     if not math.isnan(metrics.violation):
         seen = "of what either scan shows stands where the other looked through"
         rows.append(("violation", f"{metrics.violation:.0%} {seen}"))
