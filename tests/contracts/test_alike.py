@@ -89,4 +89,4 @@ def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
     across = held.target_from_source.translation - free.target_from_source.translation
     assert np.linalg.norm(across - weak.axis * (weak.axis @ across)) < 0.02
     assert held.status is Status.DEGENERATE
-    assert any("held at the prior" in note for note in held.notes)
+    assert any("held at the initial pose" in note for note in held.notes)

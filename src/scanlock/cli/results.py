@@ -108,15 +108,11 @@ def _motion(result: "Registration") -> Facts:
     pose, place = result.target_from_source, result.frames.place
     shift = result.frames.shift(pose, place)
     turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
-    about = f" at the centroid, {_triple(place, 0)} m" if _is_on_map(result) else ""
+    about = f" at the centroid, {_triple(place, 0)} m" if result.frames.is_on_map else ""
     return [
         ("moved", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
         ("turned", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
     ]
-
-
-def _is_on_map(result: "Registration") -> bool:
-    return bool(result.frames.source_origin.any() or result.frames.target_origin.any())
 
 
 def _error(pose: "Pose", truth: "Pose") -> str:
@@ -137,14 +133,14 @@ def _choice(result: "Registration") -> str:
 
 def _pose(result: "Registration") -> Facts:
     said = "rotation and translation [m], reference from scene"
-    if not _is_on_map(result):
+    frames = result.frames
+    if not (frames.is_on_map or frames.target_origin.any()):
         return [("pose", f"{said}\n{_matrix(result.target_from_source)}")]
     # At the coordinates of a map the seventh digit of a rotation is metres.
     full = "\n".join(
         " ".join(f"{value + 0.0:.17g}" for value in row)
         for row in result.target_from_source.matrix[:3]
     )
-    frames = result.frames
     origins = f"{_triple(frames.target_origin, 0)} and {_triple(frames.source_origin, 0)} m"
     local = f"the same about the origins {origins}\n{_matrix(result.local_target_from_source)}"
     return [("pose", f"{said}\n{full}"), ("local pose", local)]

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.memory import keep_freed_memory
 from scanlock.errors import InvalidInput
-from scanlock.geometry.pose import Pose
 
 # Here, since whatever works on scans has passed this gate.
 keep_freed_memory()
@@ -69,7 +68,8 @@ class PointCloud:
     def from_array(cls, array: "ArrayLike | PointCloud", name: str = "points") -> "PointCloud":
         """Return the cloud of an (n, 3+) array; columns past the third are ignored.
 
-        Rows with NaN, Inf or more than 1e12 m in their coordinates are left out and counted.
+        Rows with NaN, Inf, masked entries or more than 1e12 m in their coordinates are left out
+        and counted.
         The array is copied if and only if it is not already C-contiguous (n, 3) float64, and
         never written to; while the cloud is in use, do not write to it either.
 
@@ -77,7 +77,6 @@ class PointCloud:
         ------
         InvalidInput
             Not a real-valued (n, 3+) array, or no finite row in it; `name` says which argument.
-        Masked entries count as NaN.
         """
         if isinstance(array, PointCloud):
             return array
@@ -144,20 +143,6 @@ class PointCloud:
             self.input_count,
             self.rounding,
         )
-
-
-def local_pose(target_from_source: Pose, target: PointCloud, source: PointCloud) -> Pose:
-    """Return a pose between the caller's frames as a pose between the clouds' local ones."""
-    translation = (
-        target_from_source.rotation @ source.origin + target_from_source.translation
-    ) - target.origin
-    return Pose(target_from_source.rotation, translation)
-
-
-def caller_pose(local: Pose, target: PointCloud, source: PointCloud) -> Pose:
-    """Return a pose between local frames as the pose between the caller's; see `local_pose`."""
-    translation = target.origin + local.translation - local.rotation @ source.origin
-    return Pose(local.rotation, translation)
 
 
 def _coordinates(array: ArrayLike, name: str) -> Points:

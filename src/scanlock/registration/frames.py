@@ -45,17 +45,27 @@ class Frames:
         return cls(target.origin, source.origin, source.centroid)
 
     @property
+    def is_on_map(self) -> bool:
+        """Whether the source came in coordinates of a map, and is no sensor's view."""
+        return bool(self.source_origin.any())
+
+    @property
     def place(self) -> Vector:
         """(3,) the point of the source [m] whose motion is worth telling.
 
         Its sensor; of a scan in map coordinates its centroid.
         """
-        return self.source_centroid if self.source_origin.any() else self.source_origin
+        return self.source_centroid if self.is_on_map else self.source_origin
 
     def local(self, target_from_source: Pose) -> Pose:
         """Return a pose between the caller's frames as one between the local frames."""
-        shift = target_from_source.apply(self.source_origin) - self.target_origin
-        return Pose(target_from_source.rotation, shift)
+        rotation, translation = target_from_source.rotation, target_from_source.translation
+        return Pose(rotation, rotation @ self.source_origin + translation - self.target_origin)
+
+    def caller(self, local: Pose) -> Pose:
+        """Return a pose between the local frames as one between the caller's; see `local`."""
+        shift = self.target_origin + local.translation - local.rotation @ self.source_origin
+        return Pose(local.rotation, shift)
 
     def shift(self, target_from_source: Pose, place: Vector) -> Vector:
         """Return (3,) how far a pose moves a point (3,) of the source [m].

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
@@ -124,8 +124,8 @@ def register(
         )  # fmt: skip
 
     with clock.stage("align"):
-        restraint = Restraint(dof=dof, prior=_local_prior(prior, *clouds))
-        kept, begins = (sides[0].kept, sides[1].kept), local_pose(start, *clouds)
+        restraint = Restraint(dof=dof, prior=_local_prior(prior, frames))
+        kept, begins = (sides[0].kept, sides[1].kept), frames.local(start)
         # Coordinates of a map say where the scans lie, as an initial pose does.
         is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
         with using_threads(threads):
@@ -138,8 +138,10 @@ def register(
         looked_at = evidence[0], evidence[1]
         found_at = inspect(*looked_at, solution.pose, found.candidates)
         if hold_weak and found_at.weak:
-            notes += [f"{one.name} held at the prior" for one in found_at.weak]
-            held_at = begins if restraint.prior is None else restraint.prior.pose
+            believed = restraint.prior
+            at = "initial pose" if believed is None else "prior"
+            notes += [f"{one.name} held at the {at}" for one in found_at.weak]
+            held_at = begins if believed is None else believed.pose
             solution = replace(solution, pose=found_at.given_back(solution.pose, held_at))
             found_at = inspect(*looked_at, solution.pose)
         probable = probability(found_at.metrics, found_at.directions)
@@ -152,13 +154,13 @@ def register(
         if isinstance(told, str):
             notes.append(f"no covariance: {told}")
         else:
-            pose, place = caller_pose(solution.pose, *clouds), clouds[1].origin
+            pose, place = frames.caller(solution.pose), frames.source_origin
             sure = PoseCovariance(told[0], pose, place, uncertainty.way, told[1])
     clock.seconds["total"] = time.perf_counter() - begin
     return Registration(
-        caller_pose(solution.pose, *clouds), status, reason, name, found_at.metrics, probable,
+        frames.caller(solution.pose), status, reason, name, found_at.metrics, probable,
         found_at.directions, solution.history, clock.seconds, (*notes, *solution.notes),
-        tuple(one.at(caller_pose(one.target_from_source, *clouds)) for one in found.candidates),
+        tuple(one.at(frames.caller(one.target_from_source)) for one in found.candidates),
         sure,
         frames,
     )  # fmt: skip
@@ -212,9 +214,7 @@ def _start(initial: ArrayLike | Pose | None) -> tuple[Pose, list[str]]:
     ]
 
 
-def _local_prior(
-    prior: PosePrior | None, target: PointCloud, source: PointCloud
-) -> PosePrior | None:
+def _local_prior(prior: PosePrior | None, frames: Frames) -> PosePrior | None:
     if prior is None:
         return None
-    return PosePrior(local_pose(prior.pose, target, source), prior.covariance)
+    return PosePrior(frames.local(prior.pose), prior.covariance)

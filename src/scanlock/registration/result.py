@@ -160,6 +160,7 @@ class Registration:
                     "axis": one.axis.tolist(),
                     "share": one.share,
                     "deviation": one.deviation,
+                    "part_share": one.part_share,
                     "is_weak": one.is_weak,
                 }
                 for one in self.directions
@@ -208,7 +209,7 @@ class Registration:
 
     def _rows(self) -> Rows:
         metres, degrees = self._motion()
-        at = " at the centroid" if self.frames.source_origin.any() else ""
+        at = " at the centroid" if self.frames.is_on_map else ""
         return [
             ("status", f"{self.status.value}: {self.reason}"),
             ("probability", f"{self.probability:.3f} that the pose is right"),

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Points
-from scanlock.clouds.point_cloud import PointCloud, local_pose
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.segmentation import segment
+from scanlock.registration.frames import Frames
 from scanlock.registration.result import Registration
 from scanlock.report.canvas import (
     ALARM,
@@ -64,9 +65,10 @@ def registration_figure(
     """
     figure = blank_figure(9.0, 9.8)
     clouds = PointCloud.from_array(target, "target"), PointCloud.from_array(source, "source")
+    frames = Frames.of_clouds(*clouds)
     fixed, moving = (_standing(cloud) for cloud in clouds)
     start, end = (
-        local_pose(pose, *clouds).apply(moving)
+        frames.local(pose).apply(moving)
         for pose in (initial or Pose.identity(), result.target_from_source)
     )
     middle, half = window_around(fixed[:, :2], end[:, :2])

@@ -3,12 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from scanlock.clouds.point_cloud import PointCloud, caller_pose, local_pose
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
-from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import exp_rotation
 
 _XYZ = np.random.default_rng(0).integers(-4000, 4000, size=(40, 3)) / 128.0
 _UTM = np.array([500_000.0, 5_400_000.0, 312.5])
@@ -214,32 +211,6 @@ def test_a_pickled_cloud_is_read_only_again():
         np.testing.assert_array_equal(getattr(twin, name), getattr(cloud, name))
         assert not getattr(twin, name).flags.writeable
     assert twin.input_count == 40
-
-
-def test_poses_go_to_local_frames_and_back_without_losing_a_micrometre():
-    truth = Pose(exp_rotation(np.array([0.02, -0.01, 0.4])), [1.0, -2.0, 0.3])
-    # The same motion between the callers' frames, both far from their origins.
-    to_target, to_source = Pose(np.eye(3), _UTM), Pose(np.eye(3), _UTM + np.array([300, -200, 5]))
-    target_from_source = to_target @ truth @ to_source.inverse()
-    source_array = _XYZ + to_source.translation
-    target_array = truth.apply(_XYZ) + to_target.translation
-    source, target = PointCloud.from_array(source_array), PointCloud.from_array(target_array)
-
-    local = local_pose(target_from_source, target, source)
-    assert np.abs(local.translation).max() < 1000.0
-    np.testing.assert_allclose(local.apply(source.points), target.points, atol=1e-8)
-
-    back = caller_pose(local, target, source)
-    assert back.is_close(target_from_source, translation=1e-8, rotation=1e-12)
-    np.testing.assert_allclose(back.apply(source_array), target_array, rtol=0, atol=1e-8)
-
-
-def test_poses_between_sensor_frames_are_their_own_local_poses():
-    rotation = Rotation.from_euler("z", 30, degrees=True).as_matrix()
-    pose = Pose(rotation, [1.0, 2.0, 3.0])
-    cloud = PointCloud.from_array(_XYZ)
-    assert local_pose(pose, cloud, cloud) == pose
-    assert caller_pose(pose, cloud, cloud) == pose
 
 
 def test_points_at_zero_of_a_sensor_frame_are_not_measured():
