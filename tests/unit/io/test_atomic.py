@@ -1,8 +1,11 @@
+import multiprocessing
 import os
+import sys
 
+import numpy as np
 import pytest
 
-from scanlock.io import atomic_file
+from scanlock.io import atomic, atomic_file, read_labels, write_labels
 
 
 def test_writes_and_replaces(tmp_path):
@@ -65,3 +68,89 @@ def test_says_which_folder_is_missing(tmp_path):
         pass
     with pytest.raises(IsADirectoryError), atomic_file(tmp_path):
         pass
+
+
+def test_a_name_may_be_as_long_as_the_file_system_takes(tmp_path):
+    path = tmp_path / ("\N{LATIN SMALL LETTER SHARP S}" * 125 + ".txt")
+    with atomic_file(path) as handle:
+        handle.write(b"1")
+    assert path.read_bytes() == b"1"
+
+
+def _interrupted(path, moment):
+    """Write a file, interrupted before an instruction of the module; tell if there are so many."""
+    left = moment
+
+    def follow(frame, event, _):
+        nonlocal left
+        if frame.f_code.co_filename != atomic.__file__:
+            return None
+        frame.f_trace_opcodes = True
+        if event == "opcode":
+            left -= 1
+            if left < 0:
+                raise KeyboardInterrupt
+        return follow
+
+    before = sys.gettrace()
+    sys.settrace(follow)
+    try:
+        with atomic_file(path) as handle:
+            handle.write(b"new")
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a file that is open cannot be removed there")
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+def test_an_interrupt_at_any_instruction_leaves_the_old_file_or_the_new_one(tmp_path):
+    path = tmp_path / "a.txt"
+    seen = []
+    while True:
+        path.write_bytes(b"old")
+        if not _interrupted(path, len(seen)):
+            break
+        assert os.listdir(tmp_path) == ["a.txt"]
+        seen.append(path.read_bytes())
+    # First the old one, and from some instruction on the new one.
+    assert seen == sorted(seen, reverse=True)
+    assert set(seen) == {b"old", b"new"}
+    assert len(seen) > 100
+
+
+_LABELS = 20_000
+_WRITERS = 8
+
+
+def _write_over_and_over(path, value, start):
+    start.wait()
+    for _ in range(25):
+        write_labels(path, np.full(_LABELS, value))
+
+
+@pytest.mark.skipif(
+    "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
+)
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_of_eight_processes_that_write_one_file_each_time_one_wins(tmp_path):
+    path = tmp_path / "labels.npy"
+    write_labels(path, np.zeros(_LABELS, np.int64))
+    context = multiprocessing.get_context("fork")
+    start = context.Barrier(_WRITERS)
+    writers = [
+        context.Process(target=_write_over_and_over, args=(path, value, start))
+        for value in range(_WRITERS)
+    ]
+    for writer in writers:
+        writer.start()
+    seen = set()
+    while any(writer.is_alive() for writer in writers):
+        found = set(read_labels(path, count=_LABELS).tolist())
+        assert len(found) == 1
+        seen |= found
+    assert [writer.exitcode for writer in writers] == [0] * _WRITERS
+    assert os.listdir(tmp_path) == ["labels.npy"]
+    assert len(seen) > 1
