@@ -12,6 +12,7 @@ from scanlock.cli.reading import LoadedScan, Reading
 from scanlock.errors import require_positive
 
 if TYPE_CHECKING:
+    from scanlock.arrays import Matrix
     from scanlock.geometry.pose import Pose
     from scanlock.objectives.restraint import PosePrior
     from scanlock.registration.result import Registration
@@ -96,7 +97,7 @@ def register(
         require_picture(picture)
     begin = time.perf_counter()
     chosen = chosen_method(method, settings)
-    start = None if initial is None else _read_initial(initial)
+    given, start = (None, None) if initial is None else _read_initial(initial)
     belief = None if prior is None else _belief(start, *prior)
     target, source = ((reading or Reading()).load(path) for path in (reference, scene))
     read_time = time.perf_counter() - begin
@@ -105,7 +106,8 @@ def register(
             source=source.returns,
             target=target.returns,
             method=chosen,
-            initial=start,
+            # Not as mended, so that the result can tell of it.
+            initial=given,
             dof=dof,
             prior=belief,
             hold_weak=hold_weak,
@@ -135,10 +137,13 @@ def register(
     return 0 if result.ok else 2
 
 
-def _read_initial(path: Path) -> "Pose":
-    from scanlock.io import read_pose
+def _read_initial(path: Path) -> "tuple[Matrix, Pose]":
+    """Return the matrix of the pose to start from, and the pose; its rotation may need mending."""
+    from scanlock.geometry.pose import Pose
+    from scanlock.io import read_pose_matrix
 
-    return read_pose(path)
+    matrix = read_pose_matrix(path)
+    return matrix, Pose.from_matrix(matrix)
 
 
 def _belief(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":

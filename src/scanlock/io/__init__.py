@@ -7,6 +7,7 @@ from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import (
     read_kitti_poses,
     read_pose,
+    read_pose_matrix,
     read_tum_poses,
     write_kitti_poses,
     write_pose,
@@ -25,6 +26,7 @@ __all__ = [
     "read_kitti_poses",
     "read_labels",
     "read_pose",
+    "read_pose_matrix",
     "read_scan",
     "read_tum_poses",
     "write_kitti_poses",

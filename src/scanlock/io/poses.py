@@ -26,7 +26,7 @@ _REMEDY = "check that it is the right file and complete"
 
 
 def read_pose(path: str | os.PathLike[str]) -> Pose:
-    """Return the pose in a text, JSON or .npy file.
+    """Return the pose in a text, JSON or .npy file; a rotation with few digits is mended.
 
     Parameters
     ----------
@@ -43,20 +43,19 @@ def read_pose(path: str | os.PathLike[str]) -> Pose:
         Anything but one rigid motion; names the line where there is one to blame.
     """
     path = Path(path)
-    data = read_bytes(path, "pose")
-    if data.startswith(b"\x93NUMPY"):
-        return _pose(path, "array", array_from_npy(path, data))
-    start = data.lstrip()[:1]
-    if path.suffix.lower() == ".json" or start == b"{":
-        return _pose_from_json(path, data)
-    if start == b"[":
-        # NumPy prints brackets too, without the commas that JSON wants.
-        try:
-            return _pose_from_json(path, data)
-        except FormatError:
-            data = data.translate(_BRACKETS)
-    columns = _columns(path, data.translate(_BRACKETS), None)
-    return _pose(path, "text", np.stack(columns, axis=1) if columns else np.empty(0))
+    return _rigid(path, *_given(path))
+
+
+def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
+    """Return the (4, 4) matrix in a file that `read_pose` takes, with its rotation as it stands.
+
+    For callers that tell how far it was from a rotation, such as `scanlock.register`.
+    """
+    path = Path(path)
+    where, rows = _given(path)
+    matrix = _rigid(path, where, rows).matrix
+    matrix[:3, :3] = rows[:3, :3]
+    return matrix
 
 
 def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
@@ -158,7 +157,26 @@ def _rows(path: Path, width: int) -> tuple[list[int], Matrix]:
     return lines, np.stack(columns, axis=1).astype(np.float64)
 
 
-def _pose_from_json(path: Path, data: bytes) -> Pose:
+def _given(path: Path) -> tuple[str, Matrix]:
+    """Return the rows of the matrix in a pose file, after what of the file they are."""
+    data = read_bytes(path, "pose")
+    if data.startswith(b"\x93NUMPY"):
+        return "array", _matrix_rows(path, "array", array_from_npy(path, data))
+    start = data.lstrip()[:1]
+    if path.suffix.lower() == ".json" or start == b"{":
+        return "JSON", _matrix_rows(path, "JSON", _json_numbers(path, data))
+    if start == b"[":
+        # NumPy prints brackets too, without the commas that JSON wants.
+        try:
+            return "JSON", _matrix_rows(path, "JSON", _json_numbers(path, data))
+        except FormatError:
+            data = data.translate(_BRACKETS)
+    columns = _columns(path, data.translate(_BRACKETS), None)
+    numbers = np.stack(columns, axis=1) if columns else np.empty(0)
+    return "text", _matrix_rows(path, "text", numbers)
+
+
+def _json_numbers(path: Path, data: bytes) -> Any:
     try:
         content: Any = json.loads(data)
     except json.JSONDecodeError as error:
@@ -179,12 +197,17 @@ def _pose_from_json(path: Path, data: bytes) -> Pose:
                 found=", ".join(map(str, content))[:80] or "no keys",
                 remedy=f"name the matrix {_KEY}, or keep nothing but the list of lists",
             )
-        content = content[_KEY]
-    return _pose(path, "JSON", content)
+        return content[_KEY]
+    return content
 
 
 def _pose(path: Path, where: str, numbers: Any) -> Pose:
     """Return the pose of 12 or 16 numbers in any of their shapes."""
+    return _rigid(path, where, _matrix_rows(path, where, numbers))
+
+
+def _matrix_rows(path: Path, where: str, numbers: Any) -> Matrix:
+    """Return 12 or 16 numbers in any of their shapes as rows of four."""
     try:
         matrix = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -199,7 +222,10 @@ def _pose(path: Path, where: str, numbers: Any) -> Pose:
             found=f"numbers of shape {matrix.shape}",
             remedy="of a trajectory, save the one pose that is meant",
         )
-    matrix = matrix.reshape(-1, 4)
+    return matrix.reshape(-1, 4)
+
+
+def _rigid(path: Path, where: str, matrix: Matrix) -> Pose:
     try:
         return Pose.from_matrix(matrix)
     except InvalidInput as error:

@@ -283,6 +283,50 @@ def test_a_bad_initial_pose_names_its_file(scanlock, pair, tmp_path):
     assert str(path) in done.err
 
 
+@pytest.mark.parametrize("ending", [".txt", ".npy", ".json"])
+def test_an_initial_pose_with_few_digits_is_mended_and_told(
+    scanlock, scans, pair, tmp_path, ending
+):
+    notes = {}
+    for digits in (3, 17):
+        path = tmp_path / f"guess{digits}{ending}"
+        matrix = np.load(scans / "truth.npy").round(digits)
+        if ending == ".txt":
+            np.savetxt(path, matrix, fmt="%.17g")
+        elif ending == ".npy":
+            np.save(path, matrix)
+        else:
+            path.write_text(json.dumps({"target_from_source": matrix.tolist()}))
+        done = scanlock("register", *pair, "--initial", path, "--json")
+        assert done.code == 0
+        found = json.loads(done.out)["notes"]
+        notes[digits] = [note for note in found if note.startswith("initial: ")]
+    assert not notes[17]
+    [note] = notes[3]
+    assert 1e-5 < float(note.split(" was ")[1].split()[0]) < 1e-3
+    shown = scanlock("register", *pair, "--initial", tmp_path / f"guess3{ending}").out
+    assert f"note {note}" in " ".join(shown.split())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (np.diag([1.1, 1.1, 1.1, 1.0]), "it scales by 1.1"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "it mirrors"),
+        (np.diag([1.0, 1.05, 1.0, 1.0]), "it shears"),
+    ],
+)
+def test_an_initial_pose_far_from_a_rotation_is_refused(
+    scanlock, scans, pair, tmp_path, change, message
+):
+    path = tmp_path / "guess.txt"
+    np.savetxt(path, np.load(scans / "truth.npy") @ change)
+    done = scanlock("register", *pair, "--initial", path)
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert str(path) in done.err
+    assert message in done.err
+
+
 def test_a_format_can_be_given_where_the_name_misleads(scanlock, scans, tmp_path):
     odd = tmp_path / "scan.dat"
     odd.write_bytes((scans / "float32.bin").read_bytes())

@@ -8,6 +8,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.io import (
     read_kitti_poses,
     read_pose,
+    read_pose_matrix,
     read_tum_poses,
     write_kitti_poses,
     write_pose,
@@ -65,6 +66,15 @@ def test_reads_a_pose_from_json_and_numpy(tmp_path, shape):
     assert _close(read_pose(tmp_path / "a.npy"), _POSE)
 
 
+@pytest.mark.parametrize("rows", [3, 4])
+def test_a_matrix_is_read_as_it_stands_and_a_pose_mended(save, rows):
+    printed = _MATRIX.round(3)
+    path = save("a.txt", _text(printed[:rows]))
+    np.testing.assert_array_equal(read_pose_matrix(path), printed)
+    assert read_pose(path) == Pose.from_matrix(printed)
+    assert np.abs(read_pose(path).matrix - printed).max() > 1e-6
+
+
 @pytest.mark.parametrize(
     ("name", "text", "complaint"),
     [
@@ -94,12 +104,13 @@ def test_reads_a_pose_from_json_and_numpy(tmp_path, shape):
     ],
 )
 def test_names_what_is_wrong_with_a_pose(save, name, text, complaint):
-    with pytest.raises(FormatError, match=complaint):
-        read_pose(save(name, text))
+    for read in (read_pose, read_pose_matrix):
+        with pytest.raises(FormatError, match=complaint):
+            read(save(name, text))
 
 
 def test_missing_files_are_missing(tmp_path):
-    for read in (read_pose, read_kitti_poses, read_tum_poses):
+    for read in (read_pose, read_pose_matrix, read_kitti_poses, read_tum_poses):
         with pytest.raises(FileNotFoundError, match="no such"):
             read(tmp_path / "no.txt")
 
