@@ -1,5 +1,5 @@
 """The command line: one file a command; parse, call, print."""
 
-from scanlock.cli.app import main
+from scanlock.cli.entry import main
 
 __all__ = ["main"]

@@ -16,8 +16,8 @@ from scanlock.cli.commands import COMMANDS
 from scanlock.cli.faults import complain, one_line, usage_fault
 from scanlock.errors import ScanlockError
 
-OK, FAULT, NOT_REGISTERED, INTERRUPTED, PIPE_CLOSED = 0, 1, 2, 130, 141
-"""Exit codes; the last two are 128 and the number of the signal, as shells have it."""
+OK, FAULT, PIPE_CLOSED = 0, 1, 141
+"""Exit codes; the last is 128 and the number of the signal, as shells have it."""
 
 _EPILOGUE = """\
 Examples:
@@ -50,20 +50,8 @@ def build_app() -> App:
     return app
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        What follows the name of the program; ``sys.argv`` by default.
-
-    Returns
-    -------
-    int
-        0 done; 1 wrong arguments or files, told in one line on stderr; 2 a registration that is
-        not to be trusted; 130 interrupted; 141 the reader of the output went away.
-    """
+def run(arguments: Sequence[str] | None) -> int:
+    """Run a command and return the exit code; see `scanlock.cli.entry.main`."""
     _accept_any_name()
     try:
         code = build_app()(
@@ -80,8 +68,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return PIPE_CLOSED
     except (ScanlockError, OSError) as error:
         complain(one_line(error))
-    except KeyboardInterrupt:
-        return INTERRUPTED
     else:
         return code if isinstance(code, int) else OK
     return FAULT

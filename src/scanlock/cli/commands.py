@@ -78,7 +78,8 @@ Examples:
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or what
-scanlock simulate wrote. An interrupt leaves the map up to there.
+scanlock simulate wrote. An interrupt leaves the map up to there, and a kill its
+poses.
 Exit code: 2 if a pair is not to be trusted.
 """,
     ),

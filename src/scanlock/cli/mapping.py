@@ -79,6 +79,7 @@ def map_folder(
         The exit code: 0 if every pair is to be trusted, 2 if not.
     """
     from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.interrupts import undisturbed
     from scanlock.cli.methods import chosen_method
     from scanlock.cli.screen import counting
     from scanlock.io.sequences import open_sequence
@@ -104,13 +105,18 @@ def map_folder(
         )
         try:
             for step in steps:
-                if drive.add(step, doubt) == "stopped":
+                with undisturbed():
+                    added = drive.add(step, doubt)
+                if added == "stopped":
                     break
+                drive.keep(output)
         except BaseException:
             # A broken scan or an interrupt after hours leaves the map up to there.
-            _say(drive.write(output))
+            with undisturbed():
+                _say(drive.write(output))
             raise
-    wrote = drive.write(output)
+    with undisturbed():
+        wrote = drive.write(output)
     drive.show(folder)
     _say(wrote)
     return 2 if drive.doubtful else 0
@@ -151,19 +157,20 @@ class _Drive:
         self._poses.append(step.pose)
         return "laid"
 
+    def keep(self, output: Path) -> None:
+        """Write the poses and the table so far, which outlast even a kill; the map comes last."""
+        from scanlock.cli.saving import is_worth_keeping
+
+        if is_worth_keeping(len(self._poses)):
+            self._write_rows(output)
+
     def write(self, output: Path) -> str:
         """Write what there is, and return what to say of it."""
-        from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
+        from scanlock.io import write_scan
 
         if not self._poses:
             return ""
-        times = self._sequence.times[: len(self._poses)]
-        write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
-        write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
-        with atomic_file(output / "pairs.csv") as handle:
-            table = io.StringIO()
-            csv.writer(table, lineterminator="\n").writerows([_HEADS, *self._rows])
-            handle.write(table.getvalue().encode())
+        self._write_rows(output)
         write_scan(output / "map.ply", self._map.points)
         try:
             self._draw(output / "map.png")
@@ -195,6 +202,17 @@ class _Drive:
             end = left if stopped else "all after them stands on these"
             facts.append(("not ok", f"the motions to {shown}: {end}"))
         print_facts(facts)
+
+    def _write_rows(self, output: Path) -> None:
+        from scanlock.io import atomic_file, write_kitti_poses, write_tum_poses
+
+        times = self._sequence.times[: len(self._poses)]
+        write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
+        write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
+        with atomic_file(output / "pairs.csv") as handle:
+            table = io.StringIO()
+            csv.writer(table, lineterminator="\n").writerows([_HEADS, *self._rows])
+            handle.write(table.getvalue().encode())
 
     def _draw(self, path: Path) -> None:
         import numpy as np

@@ -62,6 +62,7 @@ def simulate(
         Points as if the sensor had stood still at its pose (removed), or as a sweep sees them.
     """
     from scanlock.cli.compiling import compile_watch
+    from scanlock.cli.interrupts import undisturbed
     from scanlock.cli.screen import counting, print_line, waiting
     from scanlock.io import FORMATS
 
@@ -74,10 +75,13 @@ def simulate(
             sequence = _sequence(scene, sensor, 1 + (scans - 1) * every, seed)
         try:
             for index in counting(range(0, len(sequence), every), "scans"):
-                folder.add(sequence[index])
+                scan = sequence[index]
+                with undisturbed():
+                    folder.add(scan)
         finally:
             # An interrupted run leaves as many poses as scans.
-            folder.write_poses()
+            with undisturbed():
+                folder.write_poses()
     folder.write_settings(
         {
             "scene": scene,
@@ -136,7 +140,8 @@ class _Folder:
         (self._path / "labels").mkdir(exist_ok=True)
 
     def add(self, scan: "SimulatedScan") -> None:
-        """Write one scan and its labels."""
+        """Write one scan and its labels, and keep the poses up, which outlast even a kill."""
+        from scanlock.cli.saving import is_worth_keeping
         from scanlock.io import write_labels, write_scan
 
         name = f"{len(self._poses):06d}"
@@ -146,6 +151,8 @@ class _Folder:
         self.points += len(scan)
         self._times.append(scan.time)
         self._poses.append(scan.pose)
+        if is_worth_keeping(len(self._poses)):
+            self.write_poses()
 
     def write_poses(self) -> None:
         """Write the poses of the scans so far, if any."""

@@ -48,6 +48,8 @@ def _share(processes: int) -> None:
     """Compile in so many processes at once, this one among them, what one cache on disk keeps."""
     from multiprocessing import get_context
 
+    from scanlock.cli.interrupts import out_of_reach
+
     if processes < 2:
         return
     # Started afresh, since a copy of this process would hold the compiler's locks.
@@ -57,8 +59,9 @@ def _share(processes: int) -> None:
         context.Process(target=work_off, args=(number, taken), daemon=True)
         for number in range(1, processes)
     ]
-    for helper in helpers:
-        helper.start()
+    with out_of_reach():
+        for helper in helpers:
+            helper.start()
     work_off(0, taken)
     for helper in helpers:
         helper.join()

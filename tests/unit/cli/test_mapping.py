@@ -1,5 +1,6 @@
 import csv
 import json
+import signal
 import sys
 
 import numpy as np
@@ -104,6 +105,27 @@ def test_a_broken_scan_leaves_the_map_up_to_it(scanlock, drive, tmp_path):
     assert f"to {tmp_path / 'out'}" in done.out
     assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 2
     assert len(read_scan(tmp_path / "out" / "map.ply")) > 5000
+
+
+def test_an_interrupt_waits_until_a_scan_is_laid(scanlock, monkeypatch, drive, tmp_path):
+    from scanlock.evaluation.voxel_map import VoxelMap
+
+    lay = VoxelMap.add
+    laid = []
+
+    def interrupted(self, points):
+        laid.append(points)
+        if len(laid) == 3:
+            signal.raise_signal(signal.SIGINT)
+        lay(self, points)
+
+    monkeypatch.setattr(VoxelMap, "add", interrupted)
+    done = scanlock("map", drive, "-o", tmp_path / "out")
+    assert (done.code, done.err) == (130, "")
+    assert done.out.startswith("wrote map.ply")
+    assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 3
+    assert len((tmp_path / "out" / "pairs.csv").read_text().splitlines()) == 3
+    assert len(read_scan(tmp_path / "out" / "map.ply").points) > 2 * 7000
 
 
 def test_without_matplotlib_there_is_no_picture_and_all_else(

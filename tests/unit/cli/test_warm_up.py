@@ -1,5 +1,7 @@
+import multiprocessing
 import os
 import re
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -7,6 +9,7 @@ from types import SimpleNamespace
 import numba
 import pytest
 
+from scanlock.cli import warm_up
 from scanlock.cli.warm_up import ordered, where_it_is_kept
 
 _needs_compiler = pytest.mark.skipif(
@@ -80,3 +83,27 @@ def test_processes_that_share_the_work_begin_at_different_ends():
     assert orders[0] == steps
     assert orders[1] == steps[::-1]
     assert len({order[0] for order in orders}) == 4
+
+
+def test_an_interrupt_of_a_terminal_reaches_none_of_them_but_the_first(scanlock, monkeypatch):
+    heard = []
+
+    class Helper:
+        def __init__(self, **_):
+            pass
+
+        def start(self):
+            heard.append(signal.getsignal(signal.SIGINT))
+
+        def join(self):
+            heard.append(signal.getsignal(signal.SIGINT))
+
+    taken = multiprocessing.Array("b", 1)
+    context = SimpleNamespace(Array=lambda *_: taken, Process=Helper)
+    monkeypatch.setattr("multiprocessing.get_context", lambda _: context)
+    monkeypatch.setattr("scanlock.registration.warm_up.warm_up_verdicts", lambda: None)
+    monkeypatch.setattr(warm_up, "_compiles_here", lambda: True)
+    monkeypatch.setattr(warm_up, "_cores", lambda: 2)
+    monkeypatch.setattr(warm_up, "_steps", lambda: [lambda: None])
+    assert scanlock("warmup").code == 0
+    assert heard == [signal.SIG_IGN, signal.default_int_handler]

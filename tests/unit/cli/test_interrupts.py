@@ -1,0 +1,132 @@
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from scanlock.cli import main
+from scanlock.cli.interrupts import interrupts_raised, out_of_reach, undisturbed
+
+if sys.platform == "win32":
+    pytest.skip("needs the signals of POSIX systems", allow_module_level=True)
+
+
+def _send(number):
+    # Through the process, as from outside: what raises is the handler.
+    signal.raise_signal(number)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
+)
+def test_a_command_that_is_to_end_does_so_quietly(scanlock, monkeypatch, scans, number, code):
+    before = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    monkeypatch.setattr("scanlock.io.describe_scan", lambda *_, **__: _send(number))
+    done = scanlock("info", scans / "reference.npy")
+    assert (done.code, done.out, done.err) == (code, "", "")
+    after = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    assert after == before
+
+
+@pytest.mark.parametrize("depth", [1, 2])
+def test_what_numba_makes_of_an_interrupt_is_one(scanlock, monkeypatch, scans, depth):
+    def return_and_raise(*_, **__):
+        try:
+            _send(signal.SIGTERM)
+        except KeyboardInterrupt as interrupt:
+            error = interrupt
+        for _ in range(depth):
+            broken = SystemError("returned a result with an exception set")
+            broken.__cause__ = error
+            error = broken
+        raise error
+
+    monkeypatch.setattr("scanlock.io.describe_scan", return_and_raise)
+    done = scanlock("info", scans / "reference.npy")
+    assert (done.code, done.out, done.err) == (143, "", "")
+
+
+def test_other_faults_of_the_system_are_no_interrupts():
+    with pytest.raises(SystemError, match="fault"), interrupts_raised():
+        raise SystemError("fault") from ValueError("bad")
+
+
+def test_a_terminal_that_may_close_is_ignored():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with interrupts_raised():
+            _send(signal.SIGHUP)
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_an_interrupt_waits_for_what_belongs_together():
+    done = []
+
+    def work():
+        with undisturbed():
+            _send(signal.SIGINT)
+            done.append("first")
+            done.append("second")
+        done.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["first", "second"]
+
+
+@pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_interrupt_does_not_wait(first):
+    done = []
+
+    def work():
+        with interrupts_raised(), undisturbed():
+            _send(first)
+            done.append("first")
+            _send(signal.SIGINT)
+            done.append("never")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["first"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_error_comes_before_an_interrupt_that_waits():
+    def fail():
+        with undisturbed():
+            _send(signal.SIGINT)
+            raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        fail()
+
+
+def test_a_request_is_left_alone_that_nobody_would_raise():
+    # Outside of the command line it ends the process on the spot, as it always did.
+    with undisturbed():
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+
+
+def test_other_threads_may_run_commands():
+    codes = []
+
+    def run():
+        with undisturbed(), out_of_reach():
+            codes.append(main(["--version"]))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert codes == [0]
+
+
+def test_processes_out_of_reach_ignore_what_a_terminal_sends_to_all():
+    code = "import signal; print(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)"
+    with out_of_reach():
+        child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    out, _ = child.communicate()
+    assert out.split() == [b"True"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
