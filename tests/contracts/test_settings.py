@@ -102,6 +102,7 @@ def test_every_kernel_is_compiled_for_one_signature(method):
         "polar.polar_cells",
         "cutting.cut_by_extent",
         "meeting.met_and_score",
+        "probing.sorted_by_cube",
         "probing.sums_near",
     }
     used |= {"grouping.occupied_cells", "grouping.joined_groups"}

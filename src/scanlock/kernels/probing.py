@@ -1,4 +1,11 @@
-"""What the points of one scan look like around given places: counts, means and covariances."""
+"""What the points of one scan look like around given places: counts, means and covariances.
+
+The points are sorted by the cube that they lie in, once; a place then looks at the cubes that its
+ball touches. Cubes find their points by a hash (Teschner et al. 2003): those that share a slot are
+told apart by where a point lies.
+"""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,64 +16,33 @@ from scanlock.kernels._compile import kernel
 _BLOCK = 256
 """Points whose slots are computed at a time, for the sake of vector units."""
 
-_SLOTS_EACH = 32
-"""Slots of the table for each probe, at least: most points then find theirs empty."""
-
-_CORNERS = 8
-"""Cubes of twice the radius that lie around a corner, one of which holds each probe in reach."""
+_POINTS_A_SLOT = 2
+"""At most, on average: the table of a scan then stays in the cache."""
 
 _SUMS = 10
-"""The count, the three sums and the six products of the offsets from a probe."""
+"""The count, the three sums and the six products of the offsets from a place."""
 
 
 @kernel
-def _slot(i: np.int64, j: np.int64, k: np.int64, last: int) -> np.int64:
-    """Return where the probes around a corner are listed (Teschner et al. 2003)."""
+def _slot(i: int, j: int, k: int, last: int) -> int:
+    """Return where the points of a cube are listed."""
     return ((i * 73856093) ^ (j * 19349663) ^ (k * 83492791)) & last
 
 
 @kernel
-def _listed(
-    probes: Points, edge: float, first: NDArray[np.int32], following: NDArray[np.int32]
-) -> None:
-    """List each probe at the eight corners of its cube of side `edge`.
+def sorted_by_cube(points: Points, edge: float) -> tuple[Points, NDArray[np.int32]]:
+    """Return (n, 3) points sorted by the slots of their cubes of side `edge`, and the first rows.
 
-    `first` holds the head of each slot's list, `following` the entry after each; entry e is of
-    probe ``e // 8``; -1 ends a list. Corners that share a slot are told apart by nothing: what is
-    listed too often is out of reach, and fails the test of distance.
+    Slot s holds the rows from ``starts[s]`` up to ``starts[s + 1]``, in the order they came in.
     """
-    last = first.shape[0] - 1
-    for probe in range(probes.shape[0]):
-        i = np.int64(np.floor(probes[probe, 0] / edge))
-        j = np.int64(np.floor(probes[probe, 1] / edge))
-        k = np.int64(np.floor(probes[probe, 2] / edge))
-        for corner in range(_CORNERS):
-            slot = _slot(i - (corner & 1), j - ((corner >> 1) & 1), k - (corner >> 2), last)
-            # The entries of a probe come one after another: a second one would count it twice.
-            if first[slot] < 0 or first[slot] // _CORNERS != probe:
-                entry = _CORNERS * probe + corner
-                following[entry] = first[slot]
-                first[slot] = entry
-
-
-@kernel
-def sums_near(points: Points, probes: Points, radius: float) -> Matrix:
-    """Return (m, 10) sums over the points nearer than `radius` to each of (m, 3) probes.
-
-    Of the offsets d from the probe: how many, ``d`` (3), and the upper triangle of ``d d'`` (6) in
-    the order xx, xy, xz, yy, yz, zz.
-    """
-    n, m = points.shape[0], probes.shape[0]
+    n = points.shape[0]
     slots = 1
-    while slots < _SLOTS_EACH * m:
+    while _POINTS_A_SLOT * slots < n:
         slots *= 2
-    edge = 2.0 * radius
-    first = np.full(slots, -1, np.int32)
-    following = np.full(_CORNERS * m, -1, np.int32)
-    _listed(probes, edge, first, following)
-    sums = np.zeros((m, _SUMS))
-    found = np.zeros(_BLOCK, np.int64)
+    per_metre = 1.0 / edge
     place = np.zeros((3, _BLOCK))
+    slot_of = np.empty((n + _BLOCK - 1) // _BLOCK * _BLOCK, np.int32)
+    starts = np.zeros(slots + 1, np.int32)
     for start in range(0, n, _BLOCK):
         count = min(_BLOCK, n - start)
         for p in range(count):
@@ -74,28 +50,70 @@ def sums_near(points: Points, probes: Points, radius: float) -> Matrix:
             place[1, p] = points[start + p, 1]
             place[2, p] = points[start + p, 2]
         for p in range(_BLOCK):
-            # The corner nearest to a point: the cubes around it hold all that is in reach.
-            i = np.int64(np.floor(place[0, p] / edge - 0.5))
-            j = np.int64(np.floor(place[1, p] / edge - 0.5))
-            k = np.int64(np.floor(place[2, p] / edge - 0.5))
-            found[p] = _slot(i, j, k, slots - 1)
-        for p in range(count):
-            entry = first[found[p]]
-            while entry >= 0:
-                probe = entry // _CORNERS
-                x = place[0, p] - probes[probe, 0]
-                y = place[1, p] - probes[probe, 1]
-                z = place[2, p] - probes[probe, 2]
-                if x * x + y * y + z * z < radius * radius:
-                    sums[probe, 0] += 1.0
-                    sums[probe, 1] += x
-                    sums[probe, 2] += y
-                    sums[probe, 3] += z
-                    sums[probe, 4] += x * x
-                    sums[probe, 5] += x * y
-                    sums[probe, 6] += x * z
-                    sums[probe, 7] += y * y
-                    sums[probe, 8] += y * z
-                    sums[probe, 9] += z * z
-                entry = following[entry]
+            i = int(np.floor(place[0, p] * per_metre))
+            j = int(np.floor(place[1, p] * per_metre))
+            k = int(np.floor(place[2, p] * per_metre))
+            slot_of[start + p] = _slot(i, j, k, slots - 1)
+        for p in range(start, start + count):
+            starts[slot_of[p] + 1] += 1
+    for slot in range(slots):
+        starts[slot + 1] += starts[slot]
+    following = starts.copy()
+    ordered = np.empty((n, 3))
+    for p in range(n):
+        row = following[slot_of[p]]
+        following[slot_of[p]] += 1
+        ordered[row, 0], ordered[row, 1], ordered[row, 2] = points[p, 0], points[p, 1], points[p, 2]
+    return ordered, starts
+
+
+@kernel
+def sums_near(
+    ordered: Points, starts: NDArray[np.int32], edge: float, probes: Points, radius: float
+) -> Matrix:
+    """Return (m, 10) sums over the points nearer than `radius` to each of (m, 3) probes.
+
+    Of the offsets d from the probe: how many, ``d`` (3), and the upper triangle of ``d d'`` (6) in
+    the order xx, xy, xz, yy, yz, zz. The points are those of `sorted_by_cube`.
+    """
+    last, per_metre = starts.shape[0] - 2, 1.0 / edge
+    sums = np.zeros((probes.shape[0], _SUMS))
+    for probe in range(probes.shape[0]):
+        x, y, z = probes[probe, 0], probes[probe, 1], probes[probe, 2]
+        low_i = math.floor((x - radius) * per_metre)
+        high_i = math.floor((x + radius) * per_metre)
+        low_j = math.floor((y - radius) * per_metre)
+        high_j = math.floor((y + radius) * per_metre)
+        low_k = math.floor((z - radius) * per_metre)
+        high_k = math.floor((z + radius) * per_metre)
+        count = 0
+        s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = s8 = 0.0
+        for i in range(low_i, high_i + 1):
+            for j in range(low_j, high_j + 1):
+                for k in range(low_k, high_k + 1):
+                    slot = _slot(i, j, k, last)
+                    for p in range(starts[slot], starts[slot + 1]):
+                        u, v, w = ordered[p, 0] - x, ordered[p, 1] - y, ordered[p, 2] - z
+                        if u * u + v * v + w * w >= radius * radius:
+                            continue
+                        # Another cube of the ball may share the slot, and would count it again.
+                        if (
+                            np.floor(ordered[p, 0] * per_metre) != i
+                            or np.floor(ordered[p, 1] * per_metre) != j
+                            or np.floor(ordered[p, 2] * per_metre) != k
+                        ):
+                            continue
+                        count += 1
+                        s0 += u
+                        s1 += v
+                        s2 += w
+                        s3 += u * u
+                        s4 += u * v
+                        s5 += u * w
+                        s6 += v * v
+                        s7 += v * w
+                        s8 += w * w
+        row = sums[probe]
+        row[0], row[1], row[2], row[3] = count, s0, s1, s2
+        row[4], row[5], row[6], row[7], row[8], row[9] = s3, s4, s5, s6, s7, s8
     return sums

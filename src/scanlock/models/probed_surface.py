@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.clouds.cell_list import CellList
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.probing import sums_near
 from scanlock.models.gaussians import unpacked
 
 
@@ -131,8 +131,12 @@ class SurfaceProber:
         firsts[labels[::-1]] = np.arange(len(labels))[::-1]
         return read_only(points[_evenly(firsts, self.most)])
 
-    def probe(self, cloud: PointCloud, probes: Points) -> ProbedSurface:
-        """Return the surface of a cloud near (m, 3) probes [m] in its local frame.
+    def listed(self, cloud: PointCloud) -> CellList:
+        """Return what of a cloud can be probed."""
+        return CellList.of_points(cloud.points, 2.0 * min(self.radii))
+
+    def probe(self, points: CellList, probes: Points) -> ProbedSurface:
+        """Return the surface of some points near (m, 3) probes [m] in their frame.
 
         What is met in a wider circle comes after what is met in a narrower one.
         """
@@ -140,8 +144,7 @@ class SurfaceProber:
         found = []
         for radius in self.radii:
             rows = np.flatnonzero(~met)
-            sums = sums_near(cloud.points, read_only(probes[rows]), float(radius))
-            surface = self._fitted(probes[rows], sums)
+            surface = self._fitted(probes[rows], points.sums_near(probes[rows], radius))
             met[rows] = surface.met
             found.append(surface)
         return joined(found, met)

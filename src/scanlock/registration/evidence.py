@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from scanlock.arrays import Points, frozen
+from scanlock.clouds.cell_list import CellList
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.models.gaussians import Gaussians
@@ -30,6 +31,8 @@ class Evidence:
     ----------
     cloud : PointCloud
         The checked points of the whole scan.
+    listed : CellList
+        The same points, to be probed.
     gaussians : Gaussians
         Its parts: clusters above the ground; where there are too few, cubes of the whole scan.
     ranges : RangeImage or None
@@ -48,6 +51,7 @@ class Evidence:
     """
 
     cloud: PointCloud
+    listed: CellList
     gaussians: Gaussians
     ranges: RangeImage | None
     probes: Points
@@ -74,9 +78,9 @@ def evidence_of(landmarks: Landmarks, imager: RangeImager | None = _IMAGER) -> E
         held = PartHold.none()
         notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
     ranges = None if imager is None else imager.image(cloud)
-    probes = PROBER.probes(cloud)
-    roughness = PROBER.probe(cloud, probes).roughness
-    return Evidence(cloud, gaussians, ranges, probes, roughness, notes, held)
+    listed, probes = PROBER.listed(cloud), PROBER.probes(cloud)
+    roughness = PROBER.probe(listed, probes).roughness
+    return Evidence(cloud, listed, gaussians, ranges, probes, roughness, notes, held)
 
 
 def find_evidence(cloud: PointCloud) -> Evidence:

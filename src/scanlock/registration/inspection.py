@@ -61,8 +61,8 @@ def inspect(
         Where a search chose the pose, what it chose from, the chosen one first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    ahead = PROBER.probe(target.cloud, pose.apply(source.probes))
-    back = PROBER.probe(source.cloud, pose.inverse().apply(target.probes)).seen_back(pose)
+    ahead = PROBER.probe(target.listed, pose.apply(source.probes))
+    back = PROBER.probe(source.listed, pose.inverse().apply(target.probes)).seen_back(pose)
     surface = joined([ahead, back])
     hold = hold_at(surface, pose.translation, target.held)
     slides = [] if hold is None else [one.axis for one in hold.directions[:2]]

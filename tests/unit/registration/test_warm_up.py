@@ -34,6 +34,7 @@ _KERNELS = (
     moments.labelled_moments,
     plan_view.column_slots,
     polar.polar_cells,
+    probing.sorted_by_cube,
     probing.sums_near,
     range_image.looked_through,
     range_image.nearest_ranges,
