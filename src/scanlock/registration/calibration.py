@@ -10,18 +10,20 @@ from scanlock.registration.ndt import Ndt
 from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.sgc_ndt import SgcNdt
 
-_CELLS_TO_CELLS = 1.1
-_POINTS_TO_CELLS = 1.3
-_CLUSTERS = 1.65
-_SURFACES = {"closest": 1.4, "voxel": 1.2}
-_PAIRS = {"point-to-plane": 2.5, "point-to-point": 6.8}
+_FINE_STAGE = 0.86
+_CELLS_TO_CELLS = 0.86
+_POINTS_TO_CELLS = 0.96
+_SCALES = 1.06
+_CLUSTERS = {"d2d": 1.17, "p2d": 1.12}
+_SURFACES = {"closest": 1.10, "voxel": 1.11}
+_PAIRS = {"point-to-plane": 1.86, "point-to-point": 4.42}
 
 
 def deviation_factor(method: Any) -> float:
     """Return the factor of the deviations of a method; 1 for one that was never measured.
 
     The root of a sixth of the mean squared error, over the covariance that the scatter tells, of
-    simulated streets and forests, 1 to 15 m apart; ``benchmarks/uncertainty.py --calibrate``
+    simulated streets, forests and rugged ground, 1 to 5 m apart; ``benchmarks/uncertainty.py --calibrate``
     measures it. All parts of a scan are seen from one side and drawn by one pattern of rings, and
     what follows from that all units share. Closest points follow the rings of either scan: pairs
     of them err together most, and the distance from point to point, which they make small by
@@ -29,13 +31,15 @@ def deviation_factor(method: Any) -> float:
     """
     match method:
         case Auto():
-            return deviation_factor(method.basin) if method.fine is None else _CELLS_TO_CELLS
+            return deviation_factor(method.basin) if method.fine is None else _FINE_STAGE
         case NdtD2d():
             return _CELLS_TO_CELLS
-        case Ndt() | MskmNdt():
+        case Ndt():
             return _POINTS_TO_CELLS
+        case MskmNdt():
+            return _SCALES
         case SgcNdt():
-            return _CLUSTERS
+            return _CLUSTERS[method.score]
         case Gicp():
             return _SURFACES[method.meeting]
         case Icp():

@@ -19,14 +19,14 @@ class Shares:
     ----------
     gradients : (k, p)
     hessians : (k, p, p)
-    grids : tuple of tuple
-        Which pieces make one unit, labels (k,), and how many units there are; in one or more
-        ways, over which the covariance is a mean.
+    grids : tuple of (k,)
+        The unit that each piece belongs to, from 0 on, none of them empty; in one or more ways,
+        over which the covariance is a mean.
     """
 
     gradients: Matrix
     hessians: Matrix
-    grids: tuple[tuple[Labels, int], ...]
+    grids: tuple[Labels, ...]
 
 
 def sandwich(shares: Shares, root: Matrix) -> tuple[Matrix, float]:
@@ -45,14 +45,14 @@ def sandwich(shares: Shares, root: Matrix) -> tuple[Matrix, float]:
     the number of directions: by a share of (p + 1) over the number of units, to first order.
     """
     size = len(root)
-    gradients, hessians = shares.gradients @ root, root.T @ shares.hessians @ root
     covariance, effective = np.zeros((size, size)), 0.0
-    for labels, count in shares.grids:
-        of_units = _summed(gradients, labels, count), _summed(hessians, labels, count)
-        weights = np.trace(of_units[1], axis1=1, axis2=2) / size
+    for labels in shares.grids:
+        gradients = _summed(shares.gradients, labels) @ root
+        hessians = root.T @ _summed(shares.hessians, labels) @ root
+        weights = np.trace(hessians, axis1=1, axis2=2) / size
         units = 1.0 / float(weights @ weights)
         widened = 1.0 + (size + 1.0) / units
-        covariance += widened / len(shares.grids) * jackknife(steps_without(*of_units))
+        covariance += widened / len(shares.grids) * jackknife(steps_without(gradients, hessians))
         effective += units / len(shares.grids)
     return covariance, effective
 
@@ -82,6 +82,17 @@ def jackknife(steps: Matrix) -> Matrix:
     return (len(steps) - 1.0) / len(steps) * (centred.T @ centred)
 
 
+def tilted(covariance: Matrix, rows: Labels, times: float) -> Matrix:
+    """Return a (p, p) covariance with errors along some of its rows so many times as large.
+
+    What hangs on them moves along: errors are those foretold by these rows, which grow, and the
+    rest, which stays. So it is the same whichever point of the scene the translation is told of.
+    """
+    shared = covariance[:, rows]
+    foretold = shared @ np.linalg.solve(covariance[np.ix_(rows, rows)], shared.T)
+    return covariance + (times**2 - 1.0) * foretold
+
+
 def root_of(hessian: Matrix, scale: Vector) -> Matrix | None:
     """Return the matrix that whitens a Hessian; None where it holds no minimum.
 
@@ -97,10 +108,10 @@ def root_of(hessian: Matrix, scale: Vector) -> Matrix | None:
     return axes / np.sqrt(curvatures) / scale[:, None]
 
 
-def _summed(values: Matrix, labels: Labels, count: int) -> Matrix:
-    member = np.zeros((count, len(labels)))
-    member[labels, np.arange(len(labels))] = 1.0
-    return (member @ values.reshape(len(values), -1)).reshape(count, *values.shape[1:])
+def _summed(values: Matrix, labels: Labels) -> Matrix:
+    order = np.argsort(labels, kind="stable")
+    firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
+    return np.add.reduceat(values[order], firsts, axis=0)
 
 
 _LEAST_RATIO = 1e-10

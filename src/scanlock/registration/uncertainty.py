@@ -11,7 +11,8 @@ one unit after the other::
     d_u = (H - H_u)^-1 g_u        C = (U - 1) / U sum (d_u - mean d) (d_u - mean d)'
 
 What all units share no scatter shows: a sensor sees everything from one side, and its rings draw
-the same pattern on all ground. How much that is was measured, one factor for each method.
+the same pattern on all ground. How much that is was measured, one factor for each method, and one
+that all share for tilts: what the rings add to heights has another sign ahead than behind.
 """
 
 import math
@@ -23,17 +24,20 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels
-from scanlock.errors import InvalidInput, require_count, require_positive
+from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, hat, log_rotation
 from scanlock.objectives.quadratic import Objective, Parted
 from scanlock.objectives.restraint import FREE, Restrained, Restraint
 from scanlock.registration.pose_covariance import CovarianceWay
-from scanlock.registration.sandwich import Shares, root_of, sandwich
+from scanlock.registration.sandwich import Shares, root_of, sandwich, tilted
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
 _OPEN = "the minimum is open along some direction"
+
+_TILTS = (3, 4)
+"""Where the rotations about x and y are in a step."""
 
 _LEAST_ARM = 1.0
 """Least distance at which a rotation of all parts counts as a translation [m]."""
@@ -61,6 +65,11 @@ class Uncertainty:
     """Least deviation of the parts as a whole [m], and of a rotation about their middle at their
     mean distance: scans that agree to the last digit are not exact."""
 
+    tilt: float = 1.75
+    """Rotations about the target's x and y, and what hangs on them, are this many times as far off
+    as the scatter tells, beyond the factor of the method: they then have a third of the squared
+    error in the mean over the methods. Where z does not point upwards, give 1."""
+
     starts: tuple[float, float] = (0.3, 0.05)
     """The sampled way: deviations of the starts [m, rad]; those of what is known before."""
 
@@ -71,6 +80,7 @@ class Uncertainty:
         for name in ("block", "least_block", "floor"):
             require_positive(name, getattr(self, name), unit="m")
         require_count("least_units", self.least_units, 8)
+        require_at_least("tilt", self.tilt, 1.0)
         for one, unit in zip(self.starts, ("m", "rad"), strict=True):
             require_positive("starts", one, unit=unit)
 
@@ -108,7 +118,7 @@ class Uncertainty:
             return found
         inner, units = found
         full = np.zeros((6, 6))
-        full[np.ix_(free, free)] = inner + self._floored(pose.apply(places))[np.ix_(free, free)]
+        full[np.ix_(free, free)] = inner + self._floored(places, pose)[np.ix_(free, free)]
         # From a step about zero of the target to the place of the source's zero.
         to_place = np.eye(6)
         to_place[:3, 3:] = -hat(pose.translation)
@@ -142,9 +152,11 @@ class Uncertainty:
         if root is None:
             return _OPEN
         scatter, units = sandwich(shares, root)
+        tilts = np.flatnonzero(np.isin(free, _TILTS))
+        scattered = tilted(root @ scatter @ root.T, tilts, self.tilt)
+        inverse = root @ root.T
         # A prior's gradient scatters by its own Hessian.
-        scatter = factor**2 * scatter + root.T @ prior @ root / objective.count
-        return root @ scatter @ root.T, units
+        return factor**2 * scattered + inverse @ prior @ inverse / objective.count, units
 
     def _shares(self, objective: Parted, places: Points, pose: Pose, free: Labels) -> Shares | None:
         """Return what cubes of half a block add, and two ways to join eight of them to a unit.
@@ -159,19 +171,19 @@ class Uncertainty:
             met = np.flatnonzero(shares.hessians.any(axis=(1, 2)))
             if len(met):
                 corners = cells[met].astype(np.float64)
-                grids = tuple(voxel_labels(corners + shift, 2.0) for shift in (0.5, 1.5))
-                if min(count for _, count in grids) >= self.least_units:
+                grids = tuple(voxel_labels(corners + shift, 2.0)[0] for shift in (0.5, 1.5))
+                if min(int(grid.max()) + 1 for grid in grids) >= self.least_units:
                     gradients = shares.gradients[np.ix_(met, free)]
                     return Shares(gradients, shares.hessians[np.ix_(met, free, free)], grids)
             side *= 0.5
         return None
 
-    def _floored(self, places: Points) -> Matrix:
-        """Return the floor as the covariance of a step, for parts at places in the target."""
+    def _floored(self, places: Points, pose: Pose) -> Matrix:
+        """Return the floor as the covariance of a step."""
         middle = places.mean(axis=0)
         arm = math.sqrt(3.0 * float(np.mean(np.square(places - middle))))
         to_zero = np.eye(6)
-        to_zero[:3, 3:] = hat(middle)
+        to_zero[:3, 3:] = hat(pose.apply(middle))
         turn = self.floor / max(arm, _LEAST_ARM)
         return to_zero @ np.diag([self.floor**2] * 3 + [turn**2] * 3) @ to_zero.T
 

@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 
 from reference import jackknife as reference
-from scanlock.registration.sandwich import Shares, jackknife, root_of, sandwich, steps_without
+from scanlock.registration.sandwich import (
+    Shares,
+    jackknife,
+    root_of,
+    sandwich,
+    steps_without,
+    tilted,
+)
 
 
 def _regression(seed, count=240, size=4, units=30):
@@ -20,13 +27,13 @@ def _regression(seed, count=240, size=4, units=30):
 def _shares(jacobians, residuals, weights, units):
     gradients = (weights * residuals)[:, None] * jacobians
     hessians = weights[:, None, None] * jacobians[:, :, None] * jacobians[:, None, :]
-    return Shares(gradients, hessians, ((units, int(units.max()) + 1),))
+    return Shares(gradients, hessians, (units,))
 
 
 def _widened(shares, root):
     """What the sandwich allows for few units, from the definition of their effective number."""
-    labels, count = shares.grids[0]
-    weights = np.zeros(count)
+    (labels,) = shares.grids
+    weights = np.zeros(labels.max() + 1)
     np.add.at(weights, labels, np.einsum("ab,nbc,ca->n", root.T, shares.hessians, root))
     return 1.0 + (len(root) + 1.0) * float(np.sum((weights / len(root)) ** 2))
 
@@ -88,3 +95,15 @@ def test_one_unit_that_holds_all_is_capped():
 
 def test_a_jackknife_of_equal_steps_is_zero():
     assert not jackknife(np.tile([1.0, -2.0], (7, 1))).any()
+
+
+def test_what_hangs_on_a_tilt_grows_with_it():
+    rng = np.random.default_rng(6)
+    half = rng.normal(size=(4, 9))
+    covariance, rows = half @ half.T, np.array([1, 2])
+    found = tilted(covariance, rows, 2.0)
+    np.testing.assert_allclose(found[1:3], 4.0 * covariance[1:3], rtol=1e-12)
+    # Given the tilt, the rest is as sure as before: that block of the inverse is the same.
+    rest = np.ix_([0, 3], [0, 3])
+    np.testing.assert_allclose(np.linalg.inv(found)[rest], np.linalg.inv(covariance)[rest])
+    np.testing.assert_array_equal(tilted(covariance, np.array([], np.int64), 2.0), covariance)

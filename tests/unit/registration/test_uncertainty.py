@@ -57,8 +57,8 @@ def _solved(objective: Objective, pose: Pose, restraint=FREE):
     return Solution(pose, held.linearise(pose), StopReason.STEP_SMALL, (), (), held)
 
 
-def _told(solution, factor=1.0, **settings):
-    found = Uncertainty(**settings).of(solution, factor, _never)
+def _told(solution, factor=1.0, tilt=1.0, **settings):
+    found = Uncertainty(tilt=tilt, **settings).of(solution, factor, _never)
     assert not isinstance(found, str), found
     return found
 
@@ -138,6 +138,14 @@ def test_the_factor_multiplies_deviations():
     solution = _solved(*_planes(5))
     one, three = (_told(solution, factor, floor=1e-9)[0] for factor in (1.0, 3.0))
     np.testing.assert_allclose(three, 9.0 * one, rtol=1e-6, atol=1e-14)
+
+
+def test_tilts_are_less_sure_wherever_the_source_lies():
+    place = Pose(np.eye(3), np.array([4.0, -9.0, 2.0]))
+    sensor, rest = (_solved(*_planes(5, at=at)) for at in (Pose.identity(), place))
+    one, three = (_told(sensor, tilt=tilt, floor=1e-9)[0] for tilt in (1.0, 3.0))
+    np.testing.assert_allclose(three[3:5, 3:5], 9.0 * one[3:5, 3:5], rtol=1e-6)
+    np.testing.assert_allclose(_told(rest, tilt=3.0, floor=1e-9)[0], three, rtol=1e-6, atol=1e-14)
 
 
 def test_a_prior_adds_what_it_knows():
@@ -270,6 +278,7 @@ def test_an_objective_without_shares_tells_nothing():
         {"least_block": -1.0},
         {"floor": 0.0},
         {"least_units": 3},
+        {"tilt": 0.9},
         {"starts": (0.0, 0.1)},
     ],
 )
@@ -285,7 +294,7 @@ def test_an_unknown_way_is_refused_by_register(scans):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_has_a_factor_and_a_covariance(name):
-    assert deviation_factor(METHODS[name]) >= 1.0
+    assert 0.5 < deviation_factor(METHODS[name]) < 10.0
     target, source = street(1, 4000), _MOTION.inverse().apply(street(2, 4000))
     result = register(source, target, method=name, initial=_MOTION, covariance="sandwich")
     assert result.covariance is not None, result.notes
@@ -340,5 +349,5 @@ def test_samples_show_what_closest_points_hide():
     assert within is not None
     assert spread is not None
     # Pairs are held while the pose moves, and hold it where it was.
-    assert within.deviations[0] < 0.02
+    assert within.deviations[0] < 0.03
     assert spread.deviations[0] > 0.05
