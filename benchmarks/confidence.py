@@ -26,7 +26,7 @@ from tables import machine, print_table
 _FOLDS = 5
 """Of the simulated scenes, by the number of their seed."""
 
-_SIGNS = (-1, -1, -1, -1, 1, 1)
+_SIGNS = (-1, -1, -1, -1, 1, -1)
 """What speaks for a pose must not count against it."""
 
 _SHRINKAGE = 1e-3
@@ -119,10 +119,8 @@ def main() -> None:
         weights = fitted(features, right)
         print(f"INTERCEPT = {weights[0]:.2f}")
         print(f"WEIGHTS = ({', '.join(f'{weight:.2f}' for weight in weights[1:])})")
-    # What the statuses refuse besides does not depend on the probability.
-    refused = np.isin(
-        kept["status"], ("degenerate", "ambiguous", "not_converged", "no_correspondences")
-    )
+    # Does not depend on the probability.
+    refused = kept["barred"]
     print(f"{len(right)} trials; {machine()}\n")
     held_ok = (held_out >= LEAST_PROBABILITY) & ~refused
     ok = (current >= LEAST_PROBABILITY) & ~refused

@@ -28,6 +28,8 @@ from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
 from scanlock.registration.confidence import FEATURES, features
 from scanlock.registration.register import register
+from scanlock.registration.result import Registration, Status
+from scanlock.registration.verdict import MOST_DRIFT, MOST_RIVALRY
 
 WRONG = (99.0, 180.0)
 """The error of any pose between scans of different places [m, deg]."""
@@ -36,25 +38,36 @@ WRONG = (99.0, 180.0)
 def trials_of(case: Case, peers: Sequence[Judge] = ()) -> Iterator[dict[str, Any]]:
     """Yield what came of a case, method by method."""
 
-    def trial(method: str, pose: Pose, status: str, score: float, seen: Vector) -> dict[str, Any]:
+    def trial(
+        method: str, pose: Pose, status: str, score: float, seen: Vector, barred: bool = False
+    ) -> dict[str, Any]:
         metres, degrees = WRONG if case.truth is None else pose_error(pose, case.truth)
         is_right = metres <= case.tolerance[0] and degrees <= case.tolerance[1]
         return {
             "scene": case.scene, "kind": case.kind, "method": method, "metres": metres,
-            "degrees": degrees, "right": is_right, "status": status, "score": score,
-            "features": seen,
+            "degrees": degrees, "right": is_right, "status": status, "barred": barred,
+            "score": score, "features": seen,
         }  # fmt: skip
 
     for method in case.methods:
         result = register(case.source, case.target, method=method, initial=case.start)
         seen = features(result.metrics, result.directions)
-        yield trial(
-            method, result.target_from_source, result.status.value, result.probability, seen
-        )
+        pose, status = result.target_from_source, result.status.value
+        yield trial(method, pose, status, result.probability, seen, is_barred(result))
     for peer in peers:
         pose, claimed, score = peer.register(case.source, case.target, case.start)
         status = "ok" if claimed else "failed"
         yield trial(peer.name, pose, status, score, np.full(len(FEATURES), math.nan))
+
+
+def is_barred(result: Registration) -> bool:
+    """Tell whether a pose is not called ok, however probable it is."""
+    return (
+        result.status in (Status.NOT_CONVERGED, Status.NO_CORRESPONDENCES)
+        or bool(result.weak_directions)
+        or result.metrics.drift > MOST_DRIFT
+        or result.metrics.second_best > MOST_RIVALRY
+    )
 
 
 def run(work: Callable[[], Iterator[Case]], every: int) -> list[dict[str, Any]]:

@@ -18,14 +18,14 @@ FEATURES = (
     "violation",
     "misfit",
     "log drift over roughness",
-    "log deviation",
-    "log hold of rotation",
+    "log deviation of rotation",
     "log distinction",
+    "weak",
 )
 """What the probability is made of, in this order; see `features`."""
 
-INTERCEPT = 4.82
-WEIGHTS = (-8.74, -2.73, -1.41, -0.25, 0.60, 1.57)
+INTERCEPT = 1.54
+WEIGHTS = (-7.70, -3.30, -1.11, -0.55, 1.45, -4.56)
 
 _UNKNOWN_VIOLATION = 0.1
 """Where no sensor is at the origin of either frame: a bit more than right poses mostly have."""
@@ -40,17 +40,17 @@ def features(metrics: Metrics, directions: Sequence[HeldDirection]) -> Vector:
     Each between bounds beyond which more says nothing more: a model that is linear must not be
     carried away by a number that it has never seen. `directions` are those of a `Hold`, or none.
     """
-    least, turn = (directions[0], directions[3]) if directions else (None, None)
+    turn = max((one.deviation for one in directions if one.kind == "rotation"), default=math.nan)
     second_best = 1.0 if math.isnan(metrics.second_best) else min(1.0, metrics.second_best)
     return np.array(
         [
             _UNKNOWN_VIOLATION if math.isnan(metrics.violation) else min(metrics.violation, 0.5),
             1.0 if math.isnan(metrics.misfit) else min(metrics.misfit, 1.0),
-            _log(metrics.drift, 0.01, 1.0, unknown=1.0)
+            _log(metrics.drift, 0.02, 1.0, unknown=1.0)
             - _log(metrics.roughness, 0.02, 0.5, unknown=0.3),
-            _log(math.nan if least is None else least.deviation, 0.003, 0.3, unknown=0.3),
-            _log(math.nan if turn is None else turn.share, 0.01, 0.3, unknown=0.01),
+            _log(turn, 0.0003, 0.03, unknown=0.03),
             math.log(1.0 + _CLOSEST - second_best),
+            float(any(one.is_weak for one in directions)),
         ]
     )
 

@@ -45,6 +45,12 @@ about any axis; streets, forests and yards mostly have 0.4 to 1 where they have 
 _LEAST_PLANES = 12
 """Fewer planes say nothing: twice the six numbers of a pose."""
 
+_LEAST_LEVER = 1e-3
+"""Of what all rotations together could be held by: less is rounding."""
+
+_DAMPING = 0.01
+"""Share of the planes that resist any step: along what nothing holds there is none to take."""
+
 _LEAST_NOISE = 0.01
 """Deviation of a gap [m] that is assumed at least, however well a few planes fit."""
 
@@ -111,19 +117,20 @@ class Hold:
     ----------
     directions : tuple of HeldDirection
         Three translations, least held first, then three rotations likewise.
-    drift : float [m]
-        How far one step of Gauss and Newton onto the planes would still move the source, at 10 m
-        from its origin.
+    step : (6,) [m, rad]
+        Of Gauss and Newton onto the planes, slightly damped, ``(rho, phi)`` in the target's frame,
+        about the source's origin.
     information : (6, 6)
         Of a step ``(rho, phi)`` in the target's frame, about the source's origin, in planes: one
         plane whose normal is along a direction adds one.
     """
 
     directions: tuple[HeldDirection, ...]
-    drift: float
+    step: Vector
     information: Matrix
 
     def __post_init__(self) -> None:
+        frozen(self.step)
         frozen(self.information)
 
     @property
@@ -164,10 +171,10 @@ def hold_at(surface: ProbedSurface, origin: Vector, by_parts: PartHold) -> Hold 
     places = surface.places[flat] - origin
     rows = np.hstack([normals, np.cross(places, normals)])
     information = (weights[:, None] * rows).T @ rows
-    step = np.linalg.solve(_supported(information), (weights * gaps) @ rows)
+    most = _most(places, weights)
+    step = -np.linalg.solve(_supported(information + _DAMPING * most), (weights * gaps) @ rows)
     noise = max(_LEAST_NOISE, math.sqrt(float(weights @ gaps**2 / weights.sum())))
     sure = _supported(information - _doubtful(places, surface.doubts[flat], weights))
-    most = _most(places, weights)
     coupling = sure[3:, :3]
     turning = sure[3:, 3:] - coupling @ np.linalg.solve(sure[:3, :3], coupling.T)
     spread = (noise**2 * np.linalg.inv(sure)).astype(np.float64, copy=False)
@@ -176,7 +183,7 @@ def hold_at(surface: ProbedSurface, origin: Vector, by_parts: PartHold) -> Hold 
             *_directions("translation", sure[:3, :3], most, spread, by_parts, origin),
             *_directions("rotation", turning, most, spread, by_parts, origin),
         ),
-        math.hypot(*step[:3], *(_DRIFT_LEVER * step[3:])),
+        step.astype(np.float64, copy=False),
         sure,
     )
 
@@ -212,10 +219,6 @@ def _supported(information: Matrix) -> Matrix:
     return (axes * np.maximum(held, 1e-6)) @ axes.T * np.outer(units, units)
 
 
-_DRIFT_LEVER = 10.0
-"""Where the drift of a rotation is measured [m]: amid what a scan shows."""
-
-
 def _directions(
     kind: MotionKind,
     information: Matrix,
@@ -227,13 +230,15 @@ def _directions(
     held, axes = np.linalg.eigh(information)
     own = PARTS[kind], PARTS[kind]
     possible = np.einsum("ia,ij,ja->a", axes, most[own], axes)
+    # About a line that all places lie on nothing could be held.
+    possible = np.maximum(possible, _LEAST_LEVER * np.trace(most[own]))
     variances = np.einsum("ia,ij,ja->a", axes, spread[own], axes)
     by_part = by_parts.shares(kind, axes, origin)
     found = [
         HeldDirection(
             kind,
             np.ascontiguousarray(axes[:, i]),
-            min(1.0, float(held[i] / possible[i])),
+            min(1.0, max(0.0, float(held[i] / possible[i]))),
             math.sqrt(float(variances[i])),
             float(by_part[i]),
         )

@@ -10,10 +10,11 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.probed_surface import joined
 from scanlock.registration.agreement import candidate_at
 from scanlock.registration.candidate import Candidate, second_best
-from scanlock.registration.evidence import PROBER, Evidence
-from scanlock.registration.hold import HeldDirection, Hold, hold_at
+from scanlock.registration.evidence import Evidence
+from scanlock.registration.hold import HeldDirection, Hold
 from scanlock.registration.meeting import slide_rivalry
 from scanlock.registration.metrics import Metrics
+from scanlock.registration.settling import settle
 
 _LEAST_SLIDE = 0.75
 """A source slid by less [m] is no rival: parts are about as wide as that."""
@@ -27,7 +28,8 @@ class Inspection:
     ----------
     metrics : Metrics
     hold : Hold or None
-        How firmly the surfaces they share hold it; None where they share too few.
+        How firmly the surfaces they share hold it, where it comes to rest on them; None where they
+        share too few.
     """
 
     metrics: Metrics
@@ -61,10 +63,8 @@ def inspect(
         Where a search chose the pose, what it chose from, the chosen one first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    ahead = PROBER.probe(target.listed, pose.apply(source.probes))
-    back = PROBER.probe(source.listed, pose.inverse().apply(target.probes)).seen_back(pose)
-    surface = joined([ahead, back])
-    hold = hold_at(surface, pose.translation, target.held)
+    settled = settle(target, source, pose)
+    met, hold = settled.ahead.met, settled.hold
     slides = [] if hold is None else [one.axis for one in hold.directions[:2]]
     rivals = [second_best(candidates)] + [
         slide_rivalry(target.gaussians, source.gaussians, pose, axis, _LEAST_SLIDE)
@@ -76,11 +76,11 @@ def inspect(
             overlap=chosen.overlap,
             target_overlap=chosen.target_overlap,
             score=chosen.score,
-            inlier_rmse=surface.roughness,
+            inlier_rmse=joined([settled.ahead, settled.back]).roughness,
             roughness=math.hypot(target.roughness, source.roughness) / math.sqrt(2.0),
-            misfit=surface.misfit,
-            surface_overlap=float(np.mean(ahead.met)) if len(ahead.met) else math.nan,
-            drift=math.nan if hold is None else hold.drift,
+            misfit=settled.surface.misfit,
+            surface_overlap=float(np.mean(met)) if len(met) else math.nan,
+            drift=settled.drift,
             violation=chosen.violation,
             second_best=max(known, default=math.nan),
         ),

@@ -33,14 +33,14 @@ class Metrics:
         What the inlier RMSE is of each scan with itself, root mean square of both: what noise,
         roughness and sparseness leave at any pose.
     misfit : float
-        Share of the inliers farther from their plane than twice what points there scatter, in
-        [0, 1]; lower is better.
+        Share of the inliers farther from their plane than twice what points there scatter, once
+        the pose has come to rest on the planes (see `drift`), in [0, 1]; lower is better.
     surface_overlap : float
         Share of the source's probes that are inliers, in [0, 1]; higher is better.
     drift : float [m]
-        How far one step of Gauss and Newton onto those planes would still move the source, at 10 m
-        from its origin. Lower is better: right poses have centimetres. NaN with fewer than twelve
-        planes.
+        How far steps of Gauss and Newton onto those planes, four at most, would still move the
+        source, at 17 m from its origin, where a degree is 0.3 m. Lower is better: right poses
+        have centimetres. NaN with fewer than twelve planes.
     violation : float
         Share of the parts that lie where the other scan looked through, of those it would have
         seen, meaned over both scans. In [0, 1]; lower is better: moving objects leave 0.1. NaN

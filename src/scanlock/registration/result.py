@@ -41,7 +41,7 @@ class Status(enum.Enum):
     """Too little of the scans agrees at the pose: it is likely wrong, or they share too little."""
 
     NOT_CONVERGED = "not_converged"
-    """The iteration limit came first; the pose is the best seen."""
+    """The iteration limit came first, or the pose is not at rest on the surfaces that both show."""
 
     NO_CORRESPONDENCES = "no_correspondences"
     """Nothing of the two scans meets, or one holds too few parts; the initial pose, untouched."""

@@ -26,7 +26,7 @@ def metric_rows(metrics: Metrics) -> Rows:
     if not math.isnan(metrics.misfit):
         rows.append(("misfit", f"{metrics.misfit:.0%} lies off the surface more than it scatters"))
     if not math.isnan(metrics.drift):
-        rows.append(("drift", f"{metrics.drift:.3f} m, by one step onto the surfaces"))
+        rows.append(("drift", f"{metrics.drift:.3f} m, to where it comes to rest on the surfaces"))
     if not math.isnan(metrics.violation):
         seen = "of what either scan shows stands where the other looked through"
         rows.append(("violation", f"{metrics.violation:.0%} {seen}"))

@@ -10,12 +10,19 @@ from scanlock.solvers.stopping import StopReason
 LEAST_PROBABILITY = 0.9
 """Of a pose that is trusted; `scanlock.registration.confidence` says what it is made of."""
 
+_LEAST_OVERLAP = 0.05
+"""Of either scan: right poses of trials cut down to what hardly overlaps had 0.09 or more."""
+
 _MOST_MISFIT = 0.25
 """Of scans that agree but along their weak directions: of other places few fit as well."""
 
-_MOST_RIVALRY = 0.85
+MOST_RIVALRY = 0.9
 """A rival that agrees this share as well as the pose makes it a toss-up: in terraces of equal
 houses and endless corridors there is one, of right poses outdoors few have any."""
+
+MOST_DRIFT = 0.2
+"""A pose that would still move so far [m] onto the surfaces has not come to rest: two thirds of
+what may be missing from a right one, so that those just beyond are not called right."""
 
 
 def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[Status, str]:
@@ -35,10 +42,16 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
         )
     if not solution.reason.is_converged:
         return Status.NOT_CONVERGED, solution.reason.value
-    if inspection.hold is None:
+    if inspection.hold is None or min(metrics.overlap, metrics.target_overlap) < _LEAST_OVERLAP:
         return Status.LOW_OVERLAP, (
             f"{found}, but they share too few surfaces to tell whether the pose is right; take "
             "scans closer together, or start nearer"
+        )
+    if probable >= 0.5 and metrics.drift > MOST_DRIFT:
+        return Status.NOT_CONVERGED, (
+            f"{found}, but on the surfaces that they share the pose would still move by "
+            f"{metrics.drift:.2f} m (a degree counts as 0.3 m): take it as the initial pose of a "
+            "finer method, such as auto or gicp"
         )
     if inspection.weak or probable < LEAST_PROBABILITY:
         doubt = "is likely wrong" if probable < 0.5 else "may be wrong"
@@ -46,7 +59,7 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
             f"{found}: the pose {doubt}, right with probability {probable:.2f} only; start "
             "nearer, or take scans closer together"
         )
-    if metrics.second_best > _MOST_RIVALRY:
+    if metrics.second_best > MOST_RIVALRY:
         return Status.AMBIGUOUS, (
             f"{found}, and another pose agrees {metrics.second_best:.0%} as well; see the "
             "candidates, or give an initial pose or a prior that decides between them"

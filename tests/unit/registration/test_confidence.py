@@ -18,10 +18,10 @@ _GOOD = {
 }  # fmt: skip
 
 
-def _directions(deviation=0.005, share=0.2):
+def _directions(turn=0.001, share=0.2):
     axes = np.eye(3)
     return tuple(
-        HeldDirection(kind, axes[i], share, deviation)
+        HeldDirection(kind, axes[i], share, 0.01 if kind == "translation" else turn / (1 + i))
         for kind in ("translation", "rotation")
         for i in range(3)
     )
@@ -35,7 +35,7 @@ def test_the_probability_is_that_of_the_formula():
     metrics = Metrics(**_GOOD)
     seen = features(metrics, _directions())
     expected = [
-        0.02, 0.1, math.log(0.02 / 0.05), math.log(0.005), math.log(0.2), math.log(1.05 - 0.2),
+        0.02, 0.1, math.log(0.02 / 0.05), math.log(0.001), math.log(1.05 - 0.2), 0.0,
     ]  # fmt: skip
     np.testing.assert_allclose(seen, expected)
     logit = confidence.INTERCEPT + np.dot(confidence.WEIGHTS, expected)
@@ -46,7 +46,7 @@ def test_scans_that_agree_are_right_and_scans_that_do_not_are_wrong():
     assert probability(Metrics(**_GOOD), _directions()) > 0.99
     bad = {**_GOOD, "overlap": 0.3, "target_overlap": 0.3, "score": 0.15, "inlier_rmse": 0.2,
            "misfit": 0.6, "drift": 0.2, "violation": 0.3, "second_best": 0.9}  # fmt: skip
-    assert probability(Metrics(**bad), _directions(0.05, 0.02)) < 0.05
+    assert probability(Metrics(**bad), _directions(0.01, 0.06)) < 0.05
     assert probability(Metrics(), ()) < 0.01
 
 
@@ -77,6 +77,6 @@ def test_what_speaks_for_a_pose_makes_it_more_probable(name, better, worse):
 
 
 def test_what_holds_a_pose_makes_it_more_probable():
-    firm = probability(Metrics(**_GOOD), _directions(0.005, 0.2))
-    assert probability(Metrics(**_GOOD), _directions(0.05, 0.2)) < firm
-    assert probability(Metrics(**_GOOD), _directions(0.005, 0.02)) < firm
+    firm = probability(Metrics(**_GOOD), _directions(0.001))
+    assert probability(Metrics(**_GOOD), _directions(0.01)) < firm
+    assert probability(Metrics(**_GOOD), _directions(0.001, share=0.001)) < firm

@@ -96,12 +96,12 @@ def test_directions_turn_with_the_planes():
         assert abs(after.axis @ turn @ before.axis) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_drift_is_how_far_the_planes_are_off():
+def test_the_step_leads_back_from_how_far_the_planes_are_off():
     places, normals = _room(np.random.default_rng(0))
     shift = np.array([0.03, -0.02, 0.01])
     # The weights of gaps this small are near one: one step ends on the planes.
     hold = hold_at(_surface(places, normals, normals @ shift), np.zeros(3), _NONE)
-    assert hold.drift == pytest.approx(np.linalg.norm(shift), rel=0.05)
+    np.testing.assert_allclose(hold.step, [*-shift, 0.0, 0.0, 0.0], atol=0.002)
 
 
 def test_too_few_planes_say_nothing():
@@ -142,3 +142,12 @@ def test_what_parts_hold_is_not_weak():
     hold = hold_at(_surface(places, normals), np.zeros(3), holding)
     assert hold.directions[0].part_share == pytest.approx(0.5)
     assert hold.weak == ()
+
+
+def test_places_on_a_line_hold_no_turn_about_it():
+    places = np.column_stack([np.linspace(-20.0, 20.0, 80), np.zeros((80, 2))])
+    normals = np.tile([[0.0, 0.0, 1.0]], (80, 1))
+    hold = hold_at(_surface(places, normals), np.zeros(3), _NONE)
+    assert all(0.0 <= one.share <= 1.0 for one in hold.directions)
+    roll = next(one for one in hold.directions if one.name == "roll")
+    assert roll.is_weak

@@ -10,7 +10,7 @@ from scanlock.registration.hold import HeldDirection, Hold
 from scanlock.registration.inspection import Inspection
 from scanlock.registration.metrics import Metrics
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import LEAST_PROBABILITY, judge
+from scanlock.registration.verdict import LEAST_PROBABILITY, MOST_DRIFT, judge
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
@@ -29,13 +29,14 @@ def _hold(share=0.5):
             for kind in ("translation", "rotation")
             for i in range(3)
         ),
-        0.01,
+        np.zeros(6),
         np.eye(6),
     )
 
 
 def _inspection(hold=None, **metrics):
     seen = {"overlap": 0.8, "target_overlap": 0.7, "score": 0.5, "second_best": 0.2, "misfit": 0.1,
+            "drift": 0.02,
             **metrics}  # fmt: skip
     return Inspection(Metrics(**seen), hold or _hold())
 
@@ -84,6 +85,24 @@ def test_without_shared_surfaces_nothing_is_trusted():
     status, sentence = judge(_solution(), Inspection(Metrics(overlap=0.9, score=0.9), None), 1.0)
     assert status is Status.LOW_OVERLAP
     assert "too few surfaces" in sentence
+
+
+@pytest.mark.parametrize("name", ["overlap", "target_overlap"])
+def test_without_parts_that_meet_nothing_is_trusted(name):
+    status, sentence = judge(_solution(), _inspection(**{name: 0.04}), 1.0)
+    assert status is Status.LOW_OVERLAP
+    assert "too few" in sentence
+
+
+def test_a_pose_that_is_not_at_rest_is_not_converged():
+    above = math.nextafter(MOST_DRIFT, 1.0)
+    for drift, probability, expected in (
+        (MOST_DRIFT, 1.0, Status.OK),
+        (above, 1.0, Status.NOT_CONVERGED),
+        (above, 0.1, Status.LOW_OVERLAP),
+    ):
+        assert judge(_solution(), _inspection(drift=drift), probability)[0] is expected
+    assert "0.30 m" in judge(_solution(), _inspection(drift=0.3), 1.0)[1]
 
 
 def test_a_rival_that_agrees_as_well_is_ambiguous():
