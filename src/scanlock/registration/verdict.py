@@ -11,7 +11,7 @@ LEAST_PROBABILITY = 0.9
 """Of a pose that is trusted; `scanlock.registration.confidence` says what it is made of."""
 
 _LEAST_OVERLAP = 0.05
-"""Of either scan: right poses of trials cut down to what hardly overlaps had 0.09 or more."""
+"""Of either scan: right poses of real scans cut down to what hardly overlaps had 0.09 or more."""
 
 _MOST_MISFIT = 0.25
 """Of scans that agree but along their weak directions: of other places few fit as well."""
