@@ -1,8 +1,8 @@
 """What the points of one scan look like around given places: counts, means and covariances.
 
 The points are sorted by the cube that they lie in, once; a place then looks at the cubes that its
-ball touches. Cubes find their points by a hash (Teschner et al. 2003): those that share a slot are
-told apart by where a point lies.
+ball touches. Cubes find their points by a hash (Teschner et al. 2003); those that share a slot are
+looked at once.
 """
 
 import math
@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points
+from scanlock.arrays import Labels, Matrix, Points
 from scanlock.kernels._compile import kernel
 
 _BLOCK = 256
@@ -68,6 +68,34 @@ def sorted_by_cube(points: Points, edge: float) -> tuple[Points, NDArray[np.int3
 
 
 @kernel
+def _slots_near(
+    x: float, y: float, z: float, radius: float, per_metre: float,
+    starts: NDArray[np.int32], visited: Labels,
+) -> int:  # fmt: skip
+    """List the slots of the cubes that a ball touches, each once; return how many have points.
+
+    Cubes may share a slot, whose points would be counted again.
+    """
+    last, count = starts.shape[0] - 2, 0
+    low_i, high_i = math.floor((x - radius) * per_metre), math.floor((x + radius) * per_metre)
+    low_j, high_j = math.floor((y - radius) * per_metre), math.floor((y + radius) * per_metre)
+    low_k, high_k = math.floor((z - radius) * per_metre), math.floor((z + radius) * per_metre)
+    for i in range(low_i, high_i + 1):
+        for j in range(low_j, high_j + 1):
+            for k in range(low_k, high_k + 1):
+                slot = _slot(i, j, k, last)
+                if starts[slot] == starts[slot + 1]:
+                    continue
+                is_new = True
+                for one in range(count):
+                    is_new = is_new and visited[one] != slot
+                if is_new:
+                    visited[count] = slot
+                    count += 1
+    return count
+
+
+@kernel
 def sums_near(
     ordered: Points, starts: NDArray[np.int32], edge: float, probes: Points, radius: float
 ) -> Matrix:
@@ -76,43 +104,31 @@ def sums_near(
     Of the offsets d from the probe: how many, ``d`` (3), and the upper triangle of ``d d'`` (6) in
     the order xx, xy, xz, yy, yz, zz. The points are those of `sorted_by_cube`.
     """
-    last, per_metre = starts.shape[0] - 2, 1.0 / edge
+    per_metre = 1.0 / edge
     sums = np.zeros((probes.shape[0], _SUMS))
+    across = min(1e6, 2.0 * radius * per_metre + 2.0)
+    visited = np.empty(np.int64(min(across * across * across, 1.0 * starts.shape[0])), np.int64)
     for probe in range(probes.shape[0]):
         x, y, z = probes[probe, 0], probes[probe, 1], probes[probe, 2]
-        low_i = math.floor((x - radius) * per_metre)
-        high_i = math.floor((x + radius) * per_metre)
-        low_j = math.floor((y - radius) * per_metre)
-        high_j = math.floor((y + radius) * per_metre)
-        low_k = math.floor((z - radius) * per_metre)
-        high_k = math.floor((z + radius) * per_metre)
+        visits = _slots_near(x, y, z, radius, per_metre, starts, visited)
         count = 0
         s0 = s1 = s2 = s3 = s4 = s5 = s6 = s7 = s8 = 0.0
-        for i in range(low_i, high_i + 1):
-            for j in range(low_j, high_j + 1):
-                for k in range(low_k, high_k + 1):
-                    slot = _slot(i, j, k, last)
-                    for p in range(starts[slot], starts[slot + 1]):
-                        u, v, w = ordered[p, 0] - x, ordered[p, 1] - y, ordered[p, 2] - z
-                        if u * u + v * v + w * w >= radius * radius:
-                            continue
-                        # Another cube of the ball may share the slot, and would count it again.
-                        if (
-                            np.floor(ordered[p, 0] * per_metre) != i
-                            or np.floor(ordered[p, 1] * per_metre) != j
-                            or np.floor(ordered[p, 2] * per_metre) != k
-                        ):
-                            continue
-                        count += 1
-                        s0 += u
-                        s1 += v
-                        s2 += w
-                        s3 += u * u
-                        s4 += u * v
-                        s5 += u * w
-                        s6 += v * v
-                        s7 += v * w
-                        s8 += w * w
+        for visit in range(visits):
+            slot = visited[visit]
+            for p in range(starts[slot], starts[slot + 1]):
+                u, v, w = ordered[p, 0] - x, ordered[p, 1] - y, ordered[p, 2] - z
+                if u * u + v * v + w * w >= radius * radius:
+                    continue
+                count += 1
+                s0 += u
+                s1 += v
+                s2 += w
+                s3 += u * u
+                s4 += u * v
+                s5 += u * w
+                s6 += v * v
+                s7 += v * w
+                s8 += w * w
         row = sums[probe]
         row[0], row[1], row[2], row[3] = count, s0, s1, s2
         row[4], row[5], row[6], row[7], row[8], row[9] = s3, s4, s5, s6, s7, s8
