@@ -107,10 +107,19 @@ def slid_scores(
             begin = max(-reach, np.int64(np.ceil((middle - half) / step)))
             end = min(reach, np.int64(np.floor((middle + half) / step)))
             weight = source_weights[i] * target_weights[j]
+            # Of a parabola at equal steps, each exponential is the one before times a ratio, and
+            # each ratio the one before times a constant.
+            moved = begin * step
+            distance = level + moved * (2.0 * slope + moved * curvature)
+            likelihood = weight * math.exp(-0.5 * distance)
+            ratio = math.exp(-step * (slope + (moved + 0.5 * step) * curvature))
+            ratio_change = math.exp(-step * step * curvature)
             for shift in range(begin, end + 1):
                 moved = shift * step
                 distance = level + moved * (2.0 * slope + moved * curvature)
                 v = min(1.0, max(0.0, (distance - window_start) / span))
                 open_part = 1.0 - v * v * v * (10.0 - 15.0 * v + 6.0 * v * v)
-                scores[reach + shift] += weight * math.exp(-0.5 * distance) * open_part
+                scores[reach + shift] += likelihood * open_part
+                likelihood *= ratio
+                ratio *= ratio_change
     return scores
