@@ -13,7 +13,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.models.gaussians import unpacked
+from scanlock.kernels.flooring import principal_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,41 +140,37 @@ class SurfaceProber:
 
         What is met in a wider circle comes after what is met in a narrower one.
         """
-        met = np.zeros(len(probes), np.bool_)
-        found = []
+        left = np.arange(len(probes))
+        rows, fits = [], []
         for radius in self.radii:
-            rows = np.flatnonzero(~met)
-            surface = self._fitted(probes[rows], points.sums_near(probes[rows], radius))
-            met[rows] = surface.met
-            found.append(surface)
-        return joined(found, met)
+            fit, is_plane = self._fitted(points.sums_near(probes[left], radius))
+            rows.append(left[is_plane])
+            fits.append(fit[is_plane])
+            left = left[~is_plane]
+        met = np.ones(len(probes), np.bool_)
+        met[left] = False
+        return _surface(probes[np.concatenate(rows)], np.concatenate(fits), met)
 
-    def _fitted(self, probes: Points, sums: Matrix) -> ProbedSurface:
-        """Return the surface whose moments about the probes are (m, 10) `sums`."""
-        rows = np.flatnonzero(sums[:, 0] >= self.least_count)
-        counts, means = sums[rows, :1], sums[rows, 1:4] / sums[rows, :1]
-        covariances = unpacked(sums[rows, 4:] / counts) - means[:, :, None] * means[:, None, :]
-        variances, axes = np.linalg.eigh(covariances)
-        broad = variances[:, 1] > np.maximum(self.least_breadth * variances[:, 2], _LEAST_VARIANCE)
-        met = np.zeros(len(probes), np.bool_)
-        met[rows[broad]] = True
-        variances, axes = np.maximum(variances[broad], 0.0), axes[broad]
-        normals = axes[:, :, 0]
-        return ProbedSurface(
-            met,
-            probes[met],
-            normals,
-            -np.einsum("ij,ij->i", means[broad], normals),
-            _doubts(variances, axes, counts[broad, 0]),
-            1.0 - variances[:, 0] / variances[:, 1],
-            _thickness(variances[:, 0], counts[broad, 0]),
+    def _fitted(self, sums: Matrix) -> tuple[Matrix, Mask]:
+        """Return what `_surface` makes planes of, and which of them are planes.
+
+        By (m, 10) sums about the probes: (m, 16) counts, means, variances, which ascend, and axes.
+        """
+        counts = np.maximum(sums[:, :1], 1.0)
+        means = sums[:, 1:4] / counts
+        packed = sums[:, 4:] / counts - means[:, _PACKED_ROWS] * means[:, _PACKED_COLUMNS]
+        variances, axes = principal_axes(read_only(packed))
+        is_broad = variances[:, 1] > np.maximum(
+            self.least_breadth * variances[:, 2], _LEAST_VARIANCE
         )
+        fits = np.hstack([counts, means, np.maximum(variances, 0.0), axes])
+        return fits, is_broad & (sums[:, 0] >= self.least_count)
 
 
-def joined(surfaces: Sequence[ProbedSurface], met: Mask | None = None) -> ProbedSurface:
-    """Return what was met in some surfaces one after the other; `met` if not theirs in turn."""
+def joined(surfaces: Sequence[ProbedSurface]) -> ProbedSurface:
+    """Return what was met in some surfaces one after the other."""
     return ProbedSurface(
-        np.concatenate([one.met for one in surfaces]) if met is None else met,
+        np.concatenate([one.met for one in surfaces]),
         np.concatenate([one.places for one in surfaces]),
         np.concatenate([one.normals for one in surfaces]),
         np.concatenate([one.gaps for one in surfaces]),
@@ -184,11 +180,30 @@ def joined(surfaces: Sequence[ProbedSurface], met: Mask | None = None) -> Probed
     )
 
 
+_PACKED_ROWS, _PACKED_COLUMNS = np.triu_indices(3)
+"""Of the entries of an upper triangle."""
+
 _LEAST_THICKNESS = 0.02
 """Of a surface [m]: the noise of a lidar, where a few points lie closer by chance."""
 
 _LEAST_VARIANCE = 1e-9
 """Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""
+
+
+def _surface(places: Points, fits: Matrix, met: Mask) -> ProbedSurface:
+    """Return the surface whose (k, 16) planes were fitted at (k, 3) places."""
+    counts, means, variances = fits[:, 0], fits[:, 1:4], fits[:, 4:7]
+    axes = fits[:, 7:].reshape(-1, 3, 3)
+    normals = np.ascontiguousarray(axes[:, 0])
+    return ProbedSurface(
+        met,
+        places,
+        normals,
+        -(means * normals).sum(axis=1),
+        _doubts(variances, axes, counts),
+        1.0 - variances[:, 0] / variances[:, 1],
+        _thickness(variances[:, 0], counts),
+    )
 
 
 def _doubts(variances: Matrix, axes: NDArray[np.float64], counts: Vector) -> NDArray[np.float64]:
@@ -197,7 +212,8 @@ def _doubts(variances: Matrix, axes: NDArray[np.float64], counts: Vector) -> NDA
     A normal tips along an axis of its plane as far as noise across lifts the ends of the points.
     """
     tips = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
-    return np.einsum("kia,ka,kja->kij", axes[:, :, 1:], tips, axes[:, :, 1:])
+    along = axes[:, 1:]
+    return (along * tips[:, :, None]).transpose(0, 2, 1) @ along
 
 
 def _thickness(variances: Vector, counts: Vector) -> Vector:
