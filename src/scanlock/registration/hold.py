@@ -1,8 +1,6 @@
 """How firmly the surfaces that two scans share hold a pose, and along what they do not.
 
-A plane holds a translation along its normal, and a rotation that moves it along its normal. Summed
-over the planes that the probes of the source meet, that is an information matrix of the pose. A
-rotation is looked at when the translation may give way (Schur's complement), so that metres are
+A rotation is looked at when the translation may give way (Schur's complement), so that metres are
 never weighed against radians and it does not matter where its axis lies; a translation when the
 rotation stays, so that what is a rotation about some far axis is not called a translation too.
 """
@@ -11,13 +9,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector, frozen
+from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import exp_rotation, hats, log_rotation
-from scanlock.models.probed_surface import ProbedSurface
-from scanlock.registration.part_hold import PARTS, MotionKind, PartHold
+from scanlock.geometry.rotations import exp_rotation, log_rotation
+from scanlock.registration.footing import Footing
+from scanlock.registration.part_hold import PARTS, MotionKind, PartHold, along
 
 _NAMES: dict[MotionKind, tuple[str, str, str]] = {
     "translation": ("forward", "left", "up"),
@@ -26,12 +23,6 @@ _NAMES: dict[MotionKind, tuple[str, str, str]] = {
 
 _NAMED = math.cos(math.radians(15.0))
 """A direction is named after an axis within 15 degrees of it."""
-
-_LEAST_FLATNESS = 0.9
-"""Of a surface that counts as a plane: across, its deviation is a third of that along it."""
-
-_ROUGHNESS = 0.1
-"""Gaps of this [m] halve the weight of a plane: it is not the same surface."""
 
 _LEAST_SHARE: dict[MotionKind, float] = {"translation": 0.05, "rotation": 0.01}
 """What less of the planes hold is roughness, and planes laid through the rings of one scan where
@@ -42,17 +33,8 @@ _LEAST_PART_SHARE: dict[MotionKind, float] = {"translation": 0.15, "rotation": 0
 """Endless corridors, tunnels, bare walls and lines have up to 0.13, the plates of a sphere 0.34
 about any axis; streets, forests and yards mostly have 0.4 to 1 where they have no planes."""
 
-_LEAST_PLANES = 12
-"""Fewer planes say nothing: twice the six numbers of a pose."""
-
 _LEAST_LEVER = 1e-3
 """Of what all rotations together could be held by: less is rounding."""
-
-_DAMPING = 0.01
-"""Share of the planes that resist any step: along what nothing holds there is none to take."""
-
-_LEAST_NOISE = 0.01
-"""Deviation of a gap [m] that is assumed at least, however well a few planes fit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,20 +99,15 @@ class Hold:
     ----------
     directions : tuple of HeldDirection
         Three translations, least held first, then three rotations likewise.
-    step : (6,) [m, rad]
-        Of Gauss and Newton onto the planes, slightly damped, ``(rho, phi)`` in the target's frame,
-        about the source's origin.
     information : (6, 6)
-        Of a step ``(rho, phi)`` in the target's frame, about the source's origin, in planes: one
-        plane whose normal is along a direction adds one.
+        Of a step ``(rho, phi)`` in the target's frame, about the source's origin, in planes,
+        less what may be noise; see `Footing`.
     """
 
     directions: tuple[HeldDirection, ...]
-    step: Vector
     information: Matrix
 
     def __post_init__(self) -> None:
-        frozen(self.step)
         frozen(self.information)
 
     @property
@@ -158,87 +135,42 @@ class Hold:
         return Pose(exp_rotation(step[3:]) @ pose.rotation, pose.translation + step[:3])
 
 
-def hold_at(surface: ProbedSurface, origin: Vector, by_parts: PartHold) -> Hold | None:
-    """Return the hold of the planes about the source's origin (3,) [m] in the target's frame.
-
-    None where too few planes are met to tell. `by_parts` is that of the target's parts.
-    """
-    flat = surface.flatness > _LEAST_FLATNESS
-    if np.count_nonzero(flat) < _LEAST_PLANES:
-        return None
-    normals, gaps = surface.normals[flat], surface.gaps[flat]
-    weights = 1.0 / (1.0 + (gaps / _ROUGHNESS) ** 2)
-    places = surface.places[flat] - origin
-    rows = np.hstack([normals, np.cross(places, normals)])
-    information = (weights[:, None] * rows).T @ rows
-    most = _most(places, weights)
-    step = -np.linalg.solve(_supported(information + _DAMPING * most), (weights * gaps) @ rows)
-    noise = max(_LEAST_NOISE, math.sqrt(float(weights @ gaps**2 / weights.sum())))
-    sure = _supported(information - _doubtful(places, surface.doubts[flat], weights))
+def hold_of(footing: Footing, by_parts: PartHold) -> Hold:
+    """Return the hold of planes, and of the target's parts."""
+    sure = footing.sure_information()
     coupling = sure[3:, :3]
     turning = sure[3:, 3:] - coupling @ np.linalg.solve(sure[:3, :3], coupling.T)
-    spread = (noise**2 * np.linalg.inv(sure)).astype(np.float64, copy=False)
+    possible, origin = footing.possible, footing.origin
+    spread = (footing.noise**2 * np.linalg.inv(sure)).astype(np.float64, copy=False)
     return Hold(
         (
-            *_directions("translation", sure[:3, :3], most, spread, by_parts, origin),
-            *_directions("rotation", turning, most, spread, by_parts, origin),
+            *_directions("translation", sure[:3, :3], possible, spread, by_parts, origin),
+            *_directions("rotation", turning, possible, spread, by_parts, origin),
         ),
-        step.astype(np.float64, copy=False),
         sure,
     )
-
-
-def _doubtful(places: Points, doubts: NDArray[np.float64], weights: Vector) -> Matrix:
-    """Return what of the information comes from noise of the normals alone.
-
-    A normal that is off sees motions along its plane, in an endless corridor those along it too.
-    """
-    levers = np.concatenate([np.broadcast_to(np.eye(3), doubts.shape), hats(places)], axis=1)
-    return np.einsum("k,kia,kab,kjb->ij", weights, levers, doubts, levers, optimize=True)
-
-
-def _most(places: Points, weights: Vector) -> Matrix:
-    """Return the information if every plane faced every motion of its place."""
-    most = np.zeros((6, 6))
-    most[:3, :3] = weights.sum() * np.eye(3)
-    squares = (weights[:, None] * places).T @ places
-    most[3:, 3:] = np.trace(squares) * np.eye(3) - squares
-    return most
-
-
-def _supported(information: Matrix) -> Matrix:
-    """Return the information, at least a millionth of what is held in its own unit, everywhere.
-
-    What no plane holds at all must not end the arithmetic, nor what noise leaves below nothing.
-    """
-    units = np.sqrt(
-        np.repeat([np.trace(information[:3, :3]), np.trace(information[3:, 3:])], 3) / 3.0
-    )
-    units = np.maximum(units, 1e-9)
-    held, axes = np.linalg.eigh(information / np.outer(units, units))
-    return (axes * np.maximum(held, 1e-6)) @ axes.T * np.outer(units, units)
 
 
 def _directions(
     kind: MotionKind,
     information: Matrix,
-    most: Matrix,
+    possible: Matrix,
     spread: Matrix,
     by_parts: PartHold,
     origin: Vector,
 ) -> list[HeldDirection]:
     held, axes = np.linalg.eigh(information)
     own = PARTS[kind], PARTS[kind]
-    possible = np.einsum("ia,ij,ja->a", axes, most[own], axes)
+    most = along(possible[own], axes)
     # About a line that all places lie on nothing could be held.
-    possible = np.maximum(possible, _LEAST_LEVER * np.trace(most[own]))
-    variances = np.einsum("ia,ij,ja->a", axes, spread[own], axes)
+    most = np.maximum(most, _LEAST_LEVER * np.trace(possible[own]))
+    variances = along(spread[own], axes)
     by_part = by_parts.shares(kind, axes, origin)
     found = [
         HeldDirection(
             kind,
             np.ascontiguousarray(axes[:, i]),
-            min(1.0, max(0.0, float(held[i] / possible[i]))),
+            min(1.0, max(0.0, float(held[i] / most[i]))),
             math.sqrt(float(variances[i])),
             float(by_part[i]),
         )

@@ -49,10 +49,9 @@ class PartHold:
         held, possible = (
             _about(information, origin, kind) for information in (self.information, self.possible)
         )
-        along = np.einsum("ia,ij,ja->a", axes, held, axes)
-        most = np.einsum("ia,ij,ja->a", axes, possible, axes)
+        most = np.maximum(along(possible, axes), 1e-9)
         # Scaled by the translation held best, a rotation may be held better than by all parts.
-        return np.clip(along / np.maximum(most, 1e-9), 0.0, 1.0)
+        return np.clip(along(held, axes) / most, 0.0, 1.0)
 
 
 def held_by_parts(gaussians: Gaussians) -> PartHold:
@@ -74,11 +73,17 @@ def held_by_parts(gaussians: Gaussians) -> PartHold:
     return PartHold(information / most if most > 0.0 else possible, possible)
 
 
+def along(form: Matrix, axes: Matrix) -> Vector:
+    """Return (k,) what a quadratic form (3, 3) is along each column of (3, k) axes."""
+    return (axes * (form @ axes)).sum(axis=0)
+
+
 def _summed(places: Points, held: NDArray[np.float64], weights: Vector) -> Matrix:
     """Return (6, 6) information of (k, 3, 3) what is held at each of (k, 3) places."""
     # Of each place, by a step.
     motions = np.concatenate([np.broadcast_to(np.eye(3), held.shape), -hats(places)], axis=2)
-    return np.einsum("k,kai,kab,kbj->ij", weights, motions, held, motions, optimize=True)
+    resisted = (weights[:, None, None] * held) @ motions
+    return motions.reshape(-1, 6).T @ resisted.reshape(-1, 6)
 
 
 def _about(information: Matrix, origin: Vector, kind: MotionKind) -> Matrix:

@@ -13,7 +13,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, log_rotation
 from scanlock.models.probed_surface import ProbedSurface, joined
 from scanlock.registration.evidence import PROBER, Evidence
-from scanlock.registration.hold import Hold, hold_at
+from scanlock.registration.footing import footing_at
+from scanlock.registration.hold import Hold, hold_of
 
 _MOST_STEPS = 4
 """Three mostly do; where four do not, the pose is wrong, or held by nothing."""
@@ -55,17 +56,18 @@ def settle(target: Evidence, source: Evidence, pose: Pose) -> Settled:
     """Return where a pose comes to rest, target from source in their local frames."""
     ahead, back = _probed(target, source, pose)
     surface = joined([ahead, back])
-    hold = hold_at(surface, pose.translation, target.held)
+    footing = footing_at(surface, pose.translation)
     rest = pose
     for _ in range(_MOST_STEPS):
-        if hold is None:
+        if footing is None:
             return Settled(ahead, back, surface, None, math.nan)
-        step = hold.step
+        step = footing.step()
         rest = Pose(exp_rotation(step[3:]) @ rest.rotation, rest.translation + step[:3])
         if _length(step[:3], step[3:]) < _SMALL_STEP:
             break
         surface = joined(_probed(target, source, rest))
-        hold = hold_at(surface, rest.translation, target.held)
+        footing = footing_at(surface, rest.translation)
+    hold = None if footing is None else hold_of(footing, target.held)
     turn = log_rotation(rest.rotation @ pose.rotation.T)
     drift = _length(rest.translation - pose.translation, turn)
     return Settled(ahead, back, surface, hold, drift)

@@ -6,7 +6,8 @@ import pytest
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.probed_surface import ProbedSurface
-from scanlock.registration.hold import hold_at
+from scanlock.registration.footing import footing_at
+from scanlock.registration.hold import hold_of
 from scanlock.registration.part_hold import PartHold
 
 _NONE = PartHold.none()
@@ -26,6 +27,10 @@ def _surface(places, normals, gaps=None, flatness=None):
     )
 
 
+def _hold(surface, origin, by_parts):
+    return hold_of(footing_at(surface, origin), by_parts)
+
+
 def _room(rng, count=40, axes=(0, 1, 2)):
     """Planes of a room: places on its walls, each with the normal of its wall."""
     places, normals = [], []
@@ -40,7 +45,7 @@ def _room(rng, count=40, axes=(0, 1, 2)):
 def test_a_room_holds_all_and_its_information_is_that_of_least_squares():
     places, normals = _room(np.random.default_rng(0))
     gaps = np.random.default_rng(1).normal(0.0, 0.02, len(places))
-    hold = hold_at(_surface(places, normals, gaps), np.array([1.0, 2.0, 0.5]), _NONE)
+    hold = _hold(_surface(places, normals, gaps), np.array([1.0, 2.0, 0.5]), _NONE)
     assert not any(one.is_weak for one in hold.directions)
     rows = np.hstack([normals, np.cross(places - [1.0, 2.0, 0.5], normals)])
     weights = 1.0 / (1.0 + (gaps / 0.1) ** 2)
@@ -57,7 +62,7 @@ def test_a_room_holds_all_and_its_information_is_that_of_least_squares():
 @pytest.mark.parametrize("axis", range(3))
 def test_the_direction_without_walls_is_weak_and_named(axis):
     rest = [one for one in range(3) if one != axis]
-    hold = hold_at(_surface(*_room(np.random.default_rng(0), axes=rest)), np.zeros(3), _NONE)
+    hold = _hold(_surface(*_room(np.random.default_rng(0), axes=rest)), np.zeros(3), _NONE)
     weak = [one for one in hold.directions if one.is_weak]
     assert [one.kind for one in weak] == ["translation"]
     assert weak[0].name == ("forward", "left", "up")[axis]
@@ -69,14 +74,14 @@ def test_a_round_wall_does_not_hold_the_turn_about_its_axis():
     out = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(60)])
     places = np.concatenate([8.0 * out + [0, 0, 1], 3.0 * out])
     normals = np.concatenate([out, np.tile([0.0, 0.0, 1.0], (60, 1))])
-    hold = hold_at(_surface(places, normals), np.zeros(3), _NONE)
+    hold = _hold(_surface(places, normals), np.zeros(3), _NONE)
     assert [one.name for one in hold.directions if one.is_weak] == ["yaw"]
 
 
 def test_directions_between_the_axes_are_given_in_numbers():
     turn = exp_rotation(np.array([0.0, 0.0, math.radians(45.0)]))
     places, normals = _room(np.random.default_rng(0), axes=[1, 2])
-    hold = hold_at(_surface(places @ turn.T, normals @ turn.T), np.zeros(3), _NONE)
+    hold = _hold(_surface(places @ turn.T, normals @ turn.T), np.zeros(3), _NONE)
     (weak,) = (one for one in hold.directions if one.is_weak)
     assert weak.name.startswith("along (")
     assert "0.71" in weak.name
@@ -89,29 +94,11 @@ def test_directions_turn_with_the_planes():
     ]
     places, normals = (np.concatenate(parts) for parts in zip(*sides, strict=True))
     turn = exp_rotation(np.array([0.3, -0.2, 0.9]))
-    one = hold_at(_surface(places, normals), np.zeros(3), _NONE)
-    other = hold_at(_surface(places @ turn.T, normals @ turn.T), np.zeros(3), _NONE)
+    one = _hold(_surface(places, normals), np.zeros(3), _NONE)
+    other = _hold(_surface(places @ turn.T, normals @ turn.T), np.zeros(3), _NONE)
     for before, after in zip(one.directions, other.directions, strict=True):
         np.testing.assert_allclose(after.deviation, before.deviation, rtol=1e-9)
         assert abs(after.axis @ turn @ before.axis) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_the_step_leads_back_from_how_far_the_planes_are_off():
-    places, normals = _room(np.random.default_rng(0))
-    shift = np.array([0.03, -0.02, 0.01])
-    # The weights of gaps this small are near one: one step ends on the planes.
-    hold = hold_at(_surface(places, normals, normals @ shift), np.zeros(3), _NONE)
-    np.testing.assert_allclose(hold.step, [*-shift, 0.0, 0.0, 0.0], atol=0.002)
-
-
-def test_too_few_planes_say_nothing():
-    places, normals = _room(np.random.default_rng(0), count=3)
-    assert hold_at(_surface(places, normals), np.zeros(3), _NONE) is None
-    rough = np.full(120, 0.5)
-    assert (
-        hold_at(_surface(*_room(np.random.default_rng(0)), flatness=rough), np.zeros(3), _NONE)
-        is None
-    )
 
 
 def test_weak_directions_go_back_to_the_prior_and_the_others_stay():
@@ -119,7 +106,7 @@ def test_weak_directions_go_back_to_the_prior_and_the_others_stay():
     places, normals = _room(np.random.default_rng(0), axes=[1, 2])
     turn = exp_rotation(np.array([0.0, 0.0, 0.02]))
     pose = Pose(exp_rotation(np.array([0.0, 0.0, 0.3])), np.array([4.0, 1.0, 0.2]))
-    hold = hold_at(_surface(places @ turn.T, normals @ turn.T), pose.translation, _NONE)
+    hold = _hold(_surface(places @ turn.T, normals @ turn.T), pose.translation, _NONE)
     prior = Pose(exp_rotation(np.array([0.0, 0.1, 0.5])), np.array([1.5, 3.0, -1.0]))
     back = hold.given_back(pose, prior)
     (weak,) = hold.weak
@@ -131,7 +118,7 @@ def test_weak_directions_go_back_to_the_prior_and_the_others_stay():
 
 
 def test_a_pose_that_is_held_all_round_stays():
-    hold = hold_at(_surface(*_room(np.random.default_rng(0))), np.zeros(3), _NONE)
+    hold = _hold(_surface(*_room(np.random.default_rng(0))), np.zeros(3), _NONE)
     pose = Pose.from_step(np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3]))
     assert hold.given_back(pose, Pose.identity()) is pose
 
@@ -139,7 +126,7 @@ def test_a_pose_that_is_held_all_round_stays():
 def test_what_parts_hold_is_not_weak():
     places, normals = _room(np.random.default_rng(0), axes=[1, 2])
     holding = PartHold(np.diag([0.5, 1.0, 0.1, 1.0, 1.0, 1.0]), np.eye(6))
-    hold = hold_at(_surface(places, normals), np.zeros(3), holding)
+    hold = _hold(_surface(places, normals), np.zeros(3), holding)
     assert hold.directions[0].part_share == pytest.approx(0.5)
     assert hold.weak == ()
 
@@ -147,7 +134,7 @@ def test_what_parts_hold_is_not_weak():
 def test_places_on_a_line_hold_no_turn_about_it():
     places = np.column_stack([np.linspace(-20.0, 20.0, 80), np.zeros((80, 2))])
     normals = np.tile([[0.0, 0.0, 1.0]], (80, 1))
-    hold = hold_at(_surface(places, normals), np.zeros(3), _NONE)
+    hold = _hold(_surface(places, normals), np.zeros(3), _NONE)
     assert all(0.0 <= one.share <= 1.0 for one in hold.directions)
     roll = next(one for one in hold.directions if one.name == "roll")
     assert roll.is_weak

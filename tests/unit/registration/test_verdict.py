@@ -29,7 +29,6 @@ def _hold(share=0.5):
             for kind in ("translation", "rotation")
             for i in range(3)
         ),
-        np.zeros(6),
         np.eye(6),
     )
 

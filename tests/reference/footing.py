@@ -1,0 +1,26 @@
+"""Slow twin of `scanlock.registration.footing`: one plane after the other, from the definition."""
+
+import numpy as np
+
+
+def summed(surface, origin):
+    """Return the information, the gradient and what of the information is noise of the normals."""
+    information, gradient, doubtful = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6))
+    for place, normal, gap, doubt in zip(
+        surface.places, surface.normals, surface.gaps, surface.doubts, strict=True
+    ):
+        weight = 1.0 / (1.0 + (gap / 0.1) ** 2)
+
+        def change(along, place=place):
+            """How far a step moves the place along a vector."""
+            return np.array([*along, *np.cross(place - origin, along)])
+
+        row = change(normal)
+        information += weight * np.outer(row, row)
+        gradient += weight * gap * row
+        # The doubt is a sum of squares of independent errors of the normal.
+        variances, axes = np.linalg.eigh(doubt)
+        for variance, axis in zip(variances, axes.T, strict=True):
+            off = change(axis)
+            doubtful += weight * variance * np.outer(off, off)
+    return information, gradient, doubtful
