@@ -10,6 +10,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
 
+from scanlock.interrupts import plain_interrupts
+
 # Windows lacks the second.
 _REQUESTS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
@@ -43,14 +45,8 @@ def interrupts_raised() -> Generator[None]:
     for number in taken:
         signal.signal(number, _interrupt)
     try:
-        yield
-    except SystemError as error:
-        # Numba goes on when an interrupt meets it handing over the result of a kernel, and Python
-        # complains of a function that both returned and raised.
-        interrupt = _cause(error)
-        if not isinstance(interrupt, KeyboardInterrupt):
-            raise
-        raise interrupt from None
+        with plain_interrupts():
+            yield
     finally:
         for number in taken:
             signal.signal(number, signal.SIG_DFL)
@@ -104,13 +100,6 @@ def _handler(number: int) -> object:
     """Return what a signal does; None outside the main thread, which alone may change it."""
     is_main = threading.current_thread() is threading.main_thread()
     return signal.getsignal(number) if is_main else None
-
-
-def _cause(error: BaseException) -> BaseException:
-    """Return what was raised first of errors that caused one another."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return error
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
+from scanlock.interrupts import plain_interrupts
 from scanlock.kernels.rows import chosen_points
 from scanlock.models.clusters import ClusterFinder
 from scanlock.models.ground import Ground, GroundFinder, GroundStatus
@@ -113,6 +114,7 @@ def upright(points: Points, ground: Ground) -> Points:
     return points @ rotation_onto_z(ground.up).T
 
 
+@plain_interrupts()
 def segment(points: ArrayLike | PointCloud, segmenter: Segmenter | None = None) -> Segmentation:
     """Return the ground and the clusters of one scan.
 

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
+from scanlock.interrupts import plain_interrupts
 from scanlock.registration.auto_scan import AutoScan
 from scanlock.registration.evidence import Evidence, evidence_of, find_evidence
 from scanlock.registration.landmarks import LEAST_PARTS, Landmarks
@@ -87,6 +88,7 @@ def _remarks(cloud: PointCloud) -> Iterator[str]:
         )
 
 
+@plain_interrupts()
 def prepare(
     scan: ArrayLike | PointCloud, *, method: str | Method[Any] = DEFAULT_METHOD, role: str = "scan"
 ) -> PreparedScan:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.interrupts import plain_interrupts
 from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
 from scanlock.registration.auto import Found
 from scanlock.registration.calibration import deviation_factor
@@ -32,6 +33,7 @@ _MENDED = 1e-6
 """Changes of an initial rotation that are worth a word: more than rounding to single precision."""
 
 
+@plain_interrupts()
 def register(
     source: ArrayLike | PointCloud | PreparedScan,
     target: ArrayLike | PointCloud | PreparedScan,
