@@ -25,6 +25,10 @@ from scanlock.solvers.stopping import StopReason
 
 _INITIAL = "initial pose"
 
+_START_APART = 2.0
+"""A start may be this many times as far from where it leads as two ends of one place: 1 m is what
+the fine stage forgives."""
+
 _MOST_IN_DOUBT = 8
 """Hypotheses of the deeper search that are followed. The violation of a right one of simulated
 forests was a tenth of that of the next, among sixty."""
@@ -164,7 +168,7 @@ class Auto:
             target, source, self._hypotheses(target, source, restraint), initial, restraint
         )
         if initial is not None:
-            ended += self._ends_of(target, source, initial, _INITIAL, restraint)
+            ended += self._ends_of(target, source, initial, _INITIAL, restraint, ended)
         return ended, history
 
     def _further_ends(
@@ -186,7 +190,8 @@ class Auto:
             proposed += self._matched(target, source, is_free=True)
         ended, history = self._descended(target, source, proposed, initial, restraint)
         if initial is None:
-            ended += self._ends_of(target, source, Pose.identity(), "identity", restraint)
+            start = Pose.identity()
+            ended += self._ends_of(target, source, start, "identity", restraint, ended)
         return ended, history
 
     def _descended(
@@ -217,19 +222,35 @@ class Auto:
         start: Pose,
         maker: str,
         restraint: Restraint,
+        known: list[Descent],
     ) -> list[Descent]:
         """Return where a start leads: through its basin, and straight into the fine stage.
 
-        A start close by must not be lost on the way through coarser scales.
+        A start close by must not be lost on the way through coarser scales. Where its basin leads
+        to a place that is known, that is its end; the only one if the start lies close to that.
         """
         ended: list[Descent] = []
         if target.has_parts and source.has_parts:
             solution = self.basin.align(target.landmarks, source.landmarks, start, restraint)
-            ended.append(self._refined(target, source, Descent(maker, solution), restraint))
+            met = self._known_at(solution.pose, known)
+            if met is None:
+                ended.append(self._refined(target, source, Descent(maker, solution), restraint))
+            else:
+                ended.append(Descent(maker, replace(met, history=solution.history)))
+                if self._known_at(start, ended, _START_APART) is not None:
+                    return ended
         if self.fine is not None and target.fine is not None and source.fine is not None:
             solution = self.fine.align(target.fine, source.fine, start, restraint)
             ended.append(Descent(maker, solution))
         return ended
+
+    def _known_at(self, pose: Pose, known: list[Descent], times: float = 1.0) -> Solution | None:
+        """Return the first solution that is not so many times `apart`, None without one."""
+        metres, radians = (times * limit for limit in self.descents.apart)
+        for one in known:
+            if one.solution.pose.is_close(pose, translation=metres, rotation=radians):
+                return one.solution
+        return None
 
     def _hypotheses(
         self, target: AutoScan, source: AutoScan, restraint: Restraint

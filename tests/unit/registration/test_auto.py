@@ -11,6 +11,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.objectives.restraint import PosePrior, Restraint
 from scanlock.registration.auto import Auto
 from scanlock.registration.candidate import UNKNOWN_VIOLATION, Candidate, plausibility
+from scanlock.registration.fine_stage import FineStage
 from scanlock.registration.register import register
 from scanlock.registration.result import Status
 from scanlock.simulation import scan_pair
@@ -59,6 +60,25 @@ def test_a_good_initial_pose_is_never_made_worse(scans):
     found = _found(scans, initial=yaw_pose(0.01, (0.1, 0.0, 0.0)) @ _TRUTH)
     _assert_true(found.solution.pose)
     assert found.candidates[0].maker == "initial pose"
+
+
+def test_a_start_from_where_the_search_leads_is_not_finished_again(scans, monkeypatch):
+    ends = []
+
+    def align(self, target, source, start, restraint, kept=FineStage.align):
+        ends.append(kept(self, target, source, start, restraint))
+        return ends[-1]
+
+    monkeypatch.setattr(FineStage, "align", align)
+    searched = _found(scans)
+    alone = len(ends)
+    near = _found(scans, initial=yaw_pose(0.01, (0.1, 0.0, 0.0)) @ _TRUTH)
+    assert len(ends) == 2 * alone
+    assert near.solution.pose == searched.solution.pose
+    # Farther away, the basin still leads there; straight from the start may lead elsewhere.
+    far = _found(scans, initial=yaw_pose(0.1, (2.0, 0.0, 0.0)) @ _TRUTH)
+    assert len(ends) == 3 * alone + 1
+    _assert_true(far.solution.pose)
 
 
 def test_a_wrong_initial_pose_misleads_nobody(scans):
