@@ -3,9 +3,9 @@
     python benchmarks/failure_trials.py trials.npz [--data FOLDER] [--jobs 2] [--seed 0]
         [--foreign 3000] [--simulated 120] [--alike 120] [--peer-every 0]
 
-Writes the trials that `confidence.py` reads. Takes a quarter of an hour on two cores; other seeds
-give other scenes of simulation and other starts. With `--peer-every K` small_gicp, Open3D
-and KISS-Matcher register every K-th case too; they take seconds each.
+Writes the trials that `confidence.py` reads, as they come. Takes half an hour on two fast cores;
+other seeds give other scenes of simulation and other starts. With `--peer-every K` small_gicp,
+Open3D and KISS-Matcher register every K-th case too; they take seconds each.
 """
 
 import argparse
@@ -122,9 +122,10 @@ def main() -> None:
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for number, trials in enumerate(pool.map(partial(run, every=arguments.peer_every), work)):
             found += trials
+            # Piece by piece: what took long must not be lost for what comes after it.
+            columns = {name: np.array([trial[name] for trial in found]) for name in found[0]}
+            np.savez_compressed(arguments.output, **columns)
             print(f"{number + 1} of {len(work)}: {len(found)} trials", flush=True)
-    columns = {name: np.array([trial[name] for trial in found]) for name in found[0]}
-    np.savez_compressed(arguments.output, **columns)
 
 
 if __name__ == "__main__":
