@@ -26,10 +26,11 @@ from failure_cases import Case
 from peers import Judge, available, kiss_matcher_judge, open3d_judge, small_gicp_judge
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
+from scanlock.registration.candidate import INITIAL, second_best
 from scanlock.registration.confidence import FEATURES, features
 from scanlock.registration.register import register
 from scanlock.registration.result import Registration, Status
-from scanlock.registration.verdict import MOST_DRIFT, MOST_RIVALRY
+from scanlock.registration.verdict import MOST_DRIFT, MOST_RIVALRY, MOST_SLIDE
 
 WRONG = (99.0, 180.0)
 """The error of any pose between scans of different places [m, deg]."""
@@ -62,11 +63,14 @@ def trials_of(case: Case, peers: Sequence[Judge] = ()) -> Iterator[dict[str, Any
 
 def is_barred(result: Registration) -> bool:
     """Tell whether a pose is not called ok, however probable it is."""
+    found, most = second_best(result.candidates), result.metrics.second_best
     return (
         result.status in (Status.NOT_CONVERGED, Status.NO_CORRESPONDENCES)
         or bool(result.weak_directions)
         or result.metrics.drift > MOST_DRIFT
-        or result.metrics.second_best > MOST_RIVALRY
+        or (found > MOST_RIVALRY and result.candidates[0].maker != INITIAL)
+        # What is above the best of the candidates is a slide.
+        or (most > MOST_SLIDE and not most <= found)
     )
 
 

@@ -1,5 +1,6 @@
 """From any starting pose, or none, to millimetres: hypotheses, descents, fine stage, choice."""
 
+import math
 from dataclasses import dataclass, field, replace
 
 from scanlock.clouds.point_cloud import PointCloud
@@ -11,7 +12,7 @@ from scanlock.models.range_image import RangeImager
 from scanlock.objectives.restraint import FREE, Restraint
 from scanlock.registration.agreement import judged, violation
 from scanlock.registration.auto_scan import AutoScan
-from scanlock.registration.candidate import Candidate, plausibility
+from scanlock.registration.candidate import INITIAL, Candidate, plausibility
 from scanlock.registration.cluster_matching import ClusterMatcher
 from scanlock.registration.descents import Descent, Descents
 from scanlock.registration.evidence import evidence_of
@@ -22,8 +23,6 @@ from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.registration.stages import StageClock
 from scanlock.solvers.solution import Iteration, Solution
 from scanlock.solvers.stopping import StopReason
-
-_INITIAL = "initial pose"
 
 _START_APART = 2.0
 """A start may be this many times as far from where it leads as two ends of one place: 1 m is what
@@ -44,10 +43,14 @@ class Found:
         The pose chosen, with the history of all descents.
     candidates : tuple of Candidate
         All finished poses, the chosen one first.
+    rival : float
+        How well the second stands as a share of the first, by what the choice was made by: 0 where
+        an initial pose decided, NaN where nothing was chosen from.
     """
 
     solution: Solution
     candidates: tuple[Candidate, ...]
+    rival: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -157,8 +160,22 @@ class Auto:
             if best is not None and best.is_plausible and best.agreement >= self.doubt:
                 break
         return Found(
-            replace(rivals[0][1], history=history), tuple(candidate for candidate, _ in rivals)
+            replace(rivals[0][1], history=history),
+            tuple(candidate for candidate, _ in rivals),
+            self._rivalry(rivals, restraint, len(source.parts[-1])),
         )
+
+    def _rivalry(
+        self, ended: list[tuple[Candidate, Solution]], restraint: Restraint, count: int
+    ) -> float:
+        """Return how well the second stands, as a share of the first.
+
+        Who gives an initial pose decides between poses that agree as well, and so does a prior.
+        """
+        if len(ended) < 2 or ended[0][0].maker == INITIAL:
+            return 0.0
+        (_, first), (_, second) = (self._standing(*one, restraint, count) for one in ended[:2])
+        return max(0.0, second / first) if first > 0.0 else math.nan
 
     def _first_ends(
         self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
@@ -168,7 +185,7 @@ class Auto:
             target, source, self._hypotheses(target, source, restraint), initial, restraint
         )
         if initial is not None:
-            ended += self._ends_of(target, source, initial, _INITIAL, restraint, ended)
+            ended += self._ends_of(target, source, initial, INITIAL, restraint, ended)
         return ended, history
 
     def _further_ends(
@@ -294,7 +311,7 @@ class Auto:
     ) -> tuple[bool, float]:
         """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
         standing = candidate.agreement
-        if candidate.maker == _INITIAL:
+        if candidate.maker == INITIAL:
             standing *= self.loyalty
         if restraint.prior is not None:
             # As in the objectives, the prior is one observation beside those of the parts.

@@ -6,6 +6,9 @@ from dataclasses import dataclass, replace
 
 from scanlock.geometry.pose import Pose
 
+INITIAL = "initial pose"
+"""The maker of candidates that the caller asked for."""
+
 UNKNOWN_VIOLATION = 0.15
 """A violation that halves what speaks for a pose, and what is put where too little can be seen.
 

@@ -30,10 +30,17 @@ class Inspection:
     hold : Hold or None
         How firmly the surfaces they share hold it, where it comes to rest on them; None where they
         share too few.
+    rival : float
+        How well another pose that a search finished stands, as a share, be it for what an initial
+        pose or a prior decides; NaN without a search.
+    slide : float
+        How well the source agrees slid along what holds it least, as a share; NaN if unknown.
     """
 
     metrics: Metrics
     hold: Hold | None
+    rival: float = math.nan
+    slide: float = math.nan
 
     @property
     def directions(self) -> tuple[HeldDirection, ...]:
@@ -51,7 +58,11 @@ class Inspection:
 
 
 def inspect(
-    target: Evidence, source: Evidence, pose: Pose, candidates: Sequence[Candidate] = ()
+    target: Evidence,
+    source: Evidence,
+    pose: Pose,
+    candidates: Sequence[Candidate] = (),
+    rival: float = math.nan,
 ) -> Inspection:
     """Return what two scans say about a pose, target from source in their local frames.
 
@@ -61,16 +72,16 @@ def inspect(
     pose : Pose
     candidates : sequence of Candidate
         Where a search chose the pose, what it chose from, the chosen one first.
+    rival : float
+        How well the second of them stands, as a share of the first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
     settled = settle(target, source, pose)
     met, hold = settled.ahead.met, settled.hold
-    slides = [] if hold is None else [one.axis for one in hold.directions[:2]]
-    rivals = [second_best(candidates)] + [
-        slide_rivalry(target.gaussians, source.gaussians, pose, axis, _LEAST_SLIDE)
-        for axis in slides
+    slides = [
+        slide_rivalry(target.gaussians, source.gaussians, pose, one.axis, _LEAST_SLIDE)
+        for one in (() if hold is None else hold.directions[:2])
     ]
-    known = [rival for rival in rivals if not math.isnan(rival)]
     return Inspection(
         Metrics(
             overlap=chosen.overlap,
@@ -82,7 +93,14 @@ def inspect(
             surface_overlap=float(np.mean(met)) if len(met) else math.nan,
             drift=settled.drift,
             violation=chosen.violation,
-            second_best=max(known, default=math.nan),
+            second_best=_most([second_best(candidates), *slides]),
         ),
         hold,
+        rival,
+        _most(slides),
     )
+
+
+def _most(shares: Sequence[float]) -> float:
+    """Return the largest that is known, NaN without any."""
+    return max((share for share in shares if not math.isnan(share)), default=math.nan)

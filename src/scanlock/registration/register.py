@@ -138,7 +138,7 @@ def register(
         solution = found.solution
     with clock.stage("verdict"):
         looked_at = evidence[0], evidence[1]
-        found_at = inspect(*looked_at, solution.pose, found.candidates)
+        found_at = inspect(*looked_at, solution.pose, found.candidates, found.rival)
         if hold_weak and found_at.weak:
             believed = restraint.prior
             at = "initial pose" if believed is None else "prior"

@@ -16,9 +16,15 @@ _LEAST_OVERLAP = 0.05
 _MOST_MISFIT = 0.25
 """Of scans that agree but along their weak directions: of other places few fit as well."""
 
-MOST_RIVALRY = 0.9
-"""A rival that agrees this share as well as the pose makes it a toss-up: in terraces of equal
-houses and endless corridors there is one, of right poses outdoors few have any."""
+MOST_RIVALRY = 0.75
+"""Another pose that agrees this share as well makes the one chosen a toss-up. Of the same places
+seen from farther away less is shared, so the right one may agree less than a rival: in terraces of
+equal houses down to 0.78. Of right poses outdoors few have a rival above 0.3, of scans cut to
+sectors one in a hundred one above 0.7."""
+
+MOST_SLIDE = 0.9
+"""As well as the pose itself agrees the source slid along it in endless corridors; of right poses
+elsewhere, where walls and rows of trees go on, up to 0.8."""
 
 MOST_DRIFT = 0.2
 """A pose that would still move so far [m] onto the surfaces has not come to rest: two thirds of
@@ -59,7 +65,7 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
             f"{found}: the pose {doubt}, right with probability {probable:.2f} only; start "
             "nearer, or take scans closer together"
         )
-    if metrics.second_best > MOST_RIVALRY:
+    if inspection.rival > MOST_RIVALRY or inspection.slide > MOST_SLIDE:
         return Status.AMBIGUOUS, (
             f"{found}, and another pose agrees {metrics.second_best:.0%} as well; see the "
             "candidates, or give an initial pose or a prior that decides between them"

@@ -95,6 +95,9 @@ def test_loyalty_decides_between_poses_that_agree_as_well():
     for truth in (Pose.identity(), half):
         found = _found((target, source), initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
         assert found.solution.pose.is_close(truth, translation=0.05, rotation=0.01)
+        told = register(source, target, initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
+        assert told.status is Status.OK
+        assert told.second_best > 0.9
     result = register(source, target)
     assert result.status is Status.AMBIGUOUS
     assert "another pose agrees" in result.reason
@@ -122,6 +125,7 @@ def test_a_prior_is_a_hypothesis_and_a_judge():
         believed = PosePrior.from_deviations(yaw_pose(0.1, (0.5, 0.0, 0.0)) @ truth, 0.5, 0.2)
         found = _found((target, source), restraint=Restraint(prior=believed))
         assert found.solution.pose.is_close(truth, translation=0.06, rotation=0.01)
+        assert register(source, target, prior=believed).status is Status.OK
 
 
 @pytest.mark.parametrize("part", ["search", "deeper", "imager", "fine"])

@@ -10,7 +10,13 @@ from scanlock.registration.hold import HeldDirection, Hold
 from scanlock.registration.inspection import Inspection
 from scanlock.registration.metrics import Metrics
 from scanlock.registration.result import Status
-from scanlock.registration.verdict import LEAST_PROBABILITY, MOST_DRIFT, judge
+from scanlock.registration.verdict import (
+    LEAST_PROBABILITY,
+    MOST_DRIFT,
+    MOST_RIVALRY,
+    MOST_SLIDE,
+    judge,
+)
 from scanlock.solvers.solution import Solution
 from scanlock.solvers.stopping import StopReason
 
@@ -33,11 +39,11 @@ def _hold(share=0.5):
     )
 
 
-def _inspection(hold=None, **metrics):
+def _inspection(hold=None, rival=math.nan, slide=math.nan, **metrics):
     seen = {"overlap": 0.8, "target_overlap": 0.7, "score": 0.5, "second_best": 0.2, "misfit": 0.1,
             "drift": 0.02,
             **metrics}  # fmt: skip
-    return Inspection(Metrics(**seen), hold or _hold())
+    return Inspection(Metrics(**seen), hold or _hold(), rival, slide)
 
 
 @pytest.mark.parametrize("reason", [StopReason.GRADIENT_SMALL, StopReason.STEP_SMALL])
@@ -105,10 +111,18 @@ def test_a_pose_that_is_not_at_rest_is_not_converged():
 
 
 def test_a_rival_that_agrees_as_well_is_ambiguous():
-    status, sentence = judge(_solution(), _inspection(second_best=0.95), 1.0)
+    status, sentence = judge(_solution(), _inspection(second_best=0.95, rival=0.95), 1.0)
     assert status is Status.AMBIGUOUS
     assert "95%" in sentence
-    assert judge(_solution(), _inspection(second_best=math.nan), 1.0)[0] is Status.OK
+    # What the search found may be decided by the caller; what slides may slide a bit.
+    for rival, slide, expected in (
+        (MOST_RIVALRY, MOST_SLIDE, Status.OK),
+        (math.nextafter(MOST_RIVALRY, 1.0), 0.0, Status.AMBIGUOUS),
+        (0.0, math.nextafter(MOST_SLIDE, 1.0), Status.AMBIGUOUS),
+        (math.nan, math.nan, Status.OK),
+    ):
+        seen = _inspection(second_best=0.95, rival=rival, slide=slide)
+        assert judge(_solution(), seen, 1.0)[0] is expected
 
 
 def _candidate(overlap=0.8, score=0.5, violation=0.02):
