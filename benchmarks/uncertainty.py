@@ -1,6 +1,7 @@
 """Calibrate covariances: squared errors of poses over what their covariances foretell (NEES).
 
     python benchmarks/uncertainty.py [--pairs 12] [--data FOLDER] [--ways sandwich hessian]
+        [--calibrate] [--first SEED]
 
 Simulated pairs have an exact pose: streets, forests and rugged ground that are drawn anew for each
 pair, three sensors, 1 to 5 m apart and up to 15 degrees turned, every return with its own noise.
@@ -109,12 +110,9 @@ def tried(
     return Error(both, translation, rotation, tilt, told, metres, result.ok, seconds)
 
 
-def simulated(
-    pairs: int, calibrate: bool, farthest: float
-) -> Iterator[tuple[str, Cloud, Cloud, Pose, Pose]]:
-    first = CALIBRATION_SEED if calibrate else 0
+def simulated(seeds: range, farthest: float) -> Iterator[tuple[str, Cloud, Cloud, Pose, Pose]]:
     for scene, sensor in SCENES:
-        for seed in range(first, first + pairs):
+        for seed in seeds:
             pair = scan_pair(scene, sensor, seed, baseline=(0.2 * farthest, farthest))
             truth = pair.target_from_source
             start = near(truth, np.random.default_rng([seed, 7]))
@@ -164,6 +162,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=12, help="pairs of each scene and sensor")
     parser.add_argument("--farthest", type=float, default=5.0, help="most metres between scans")
     parser.add_argument("--calibrate", action="store_true", help="the scenes of the factors")
+    parser.add_argument("--first", type=int, help="seed of the first pair, or that of its purpose")
     parser.add_argument("--methods", nargs="*", default=list(KINDS), choices=list(KINDS))
     parser.add_argument(
         "--ways", nargs="*", default=["sandwich", "hessian"], choices=get_args(CovarianceWay)
@@ -173,7 +172,11 @@ def main() -> None:
     arguments = parser.parse_args()
     print(machine(), "\n")
     found: dict[tuple[str, str, str], list[Error | None]] = {}
-    trials = [simulated(arguments.pairs, arguments.calibrate, arguments.farthest)]
+    first = arguments.first
+    if first is None:
+        first = CALIBRATION_SEED if arguments.calibrate else 0
+    seeds = range(first, first + arguments.pairs)
+    trials = [simulated(seeds, arguments.farthest)]
     if arguments.data is not None and not arguments.calibrate:
         trials.append(split(arguments.data, arguments.moves))
     for trial in (one for some in trials for one in some):

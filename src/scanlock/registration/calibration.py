@@ -10,11 +10,11 @@ from scanlock.registration.ndt import Ndt
 from scanlock.registration.ndt_d2d import NdtD2d
 from scanlock.registration.sgc_ndt import SgcNdt
 
-_FINE_STAGE = 0.86
+_FINE_STAGE = 0.89
 _CELLS_TO_CELLS = 0.86
-_POINTS_TO_CELLS = 0.96
+_POINTS_TO_CELLS = 1.00
 _SCALES = 1.06
-_CLUSTERS = {"d2d": 1.17, "p2d": 1.12}
+_CLUSTERS = {"d2d": 1.16, "p2d": 1.11}
 _SURFACES = {"closest": 1.10, "voxel": 1.11}
 _PAIRS = {"point-to-plane": 1.86, "point-to-point": 4.42}
 
