@@ -26,6 +26,7 @@ from failure_cases import Case
 from peers import Judge, available, kiss_matcher_judge, open3d_judge, small_gicp_judge
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
+from scanlock.registration.auto import Auto
 from scanlock.registration.candidate import INITIAL, second_best
 from scanlock.registration.confidence import FEATURES, features
 from scanlock.registration.register import register
@@ -64,11 +65,13 @@ def trials_of(case: Case, peers: Sequence[Judge] = ()) -> Iterator[dict[str, Any
 def is_barred(result: Registration) -> bool:
     """Tell whether a pose is not called ok, however probable it is."""
     found, most = second_best(result.candidates), result.metrics.second_best
+    is_asked_for = bool(result.candidates) and result.candidates[0].maker == INITIAL
+    loyalty = Auto().loyalty if is_asked_for else 1.0
     return (
         result.status in (Status.NOT_CONVERGED, Status.NO_CORRESPONDENCES)
         or bool(result.weak_directions)
         or result.metrics.drift > MOST_DRIFT
-        or (found > MOST_RIVALRY and result.candidates[0].maker != INITIAL)
+        or found > MOST_RIVALRY * loyalty
         # What is above the best of the candidates is a slide.
         or (most > MOST_SLIDE and not most <= found)
     )

@@ -44,8 +44,8 @@ class Found:
     candidates : tuple of Candidate
         All finished poses, the chosen one first.
     rival : float
-        How well the second stands as a share of the first, by what the choice was made by: 0 where
-        an initial pose decided, NaN where nothing was chosen from.
+        How well the second stands as a share of the first, by what the choice was made by; NaN
+        where nothing was chosen from.
     """
 
     solution: Solution
@@ -170,9 +170,10 @@ class Auto:
     ) -> float:
         """Return how well the second stands, as a share of the first.
 
-        Who gives an initial pose decides between poses that agree as well, and so does a prior.
+        A prior may decide between poses that agree as well. An initial pose is but a hypothesis,
+        which may itself lie at a twin of the right one.
         """
-        if len(ended) < 2 or ended[0][0].maker == INITIAL:
+        if len(ended) < 2:
             return 0.0
         (_, first), (_, second) = (self._standing(*one, restraint, count) for one in ended[:2])
         return max(0.0, second / first) if first > 0.0 else math.nan

@@ -31,8 +31,8 @@ class Inspection:
         How firmly the surfaces they share hold it, where it comes to rest on them; None where they
         share too few.
     rival : float
-        How well another pose that a search finished stands, as a share, be it for what an initial
-        pose or a prior decides; NaN without a search.
+        How well another pose that a search finished stands, as a share, by what the choice
+        was made by; NaN without a search.
     slide : float
         How well the source agrees slid along what holds it least, as a share; NaN if unknown.
     """

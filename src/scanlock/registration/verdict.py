@@ -68,7 +68,7 @@ def judge(solution: Solution, inspection: Inspection, probable: float) -> tuple[
     if inspection.rival > MOST_RIVALRY or inspection.slide > MOST_SLIDE:
         return Status.AMBIGUOUS, (
             f"{found}, and another pose agrees {metrics.second_best:.0%} as well; see the "
-            "candidates, or give an initial pose or a prior that decides between them"
+            "candidates, or give a prior that decides between them"
         )
     return Status.OK, f"{solution.reason.value}; {found}; right with probability {probable:.3f}"
 

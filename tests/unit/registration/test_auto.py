@@ -95,9 +95,9 @@ def test_loyalty_decides_between_poses_that_agree_as_well():
     for truth in (Pose.identity(), half):
         found = _found((target, source), initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
         assert found.solution.pose.is_close(truth, translation=0.05, rotation=0.01)
+        # It may be wrong, so that the twin is told all the same.
         told = register(source, target, initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
-        assert told.status is Status.OK
-        assert told.second_best > 0.9
+        assert told.status is Status.AMBIGUOUS
     result = register(source, target)
     assert result.status is Status.AMBIGUOUS
     assert "another pose agrees" in result.reason
