@@ -3,9 +3,9 @@
     python benchmarks/failure_trials.py trials.npz [--data FOLDER] [--jobs 2] [--seed 0]
         [--foreign 3000] [--simulated 120] [--alike 120] [--peer-every 0]
 
-Writes the trials that `confidence.py` reads, as they come. Takes half an hour on two fast cores;
-other seeds give other scenes of simulation and other starts. With `--peer-every K` small_gicp,
-Open3D and KISS-Matcher register every K-th case too; they take seconds each.
+Writes the trials that `confidence.py` reads, as they come. Takes more than an hour on two slow
+cores; other seeds give other scenes of simulation and other starts. With `--peer-every K`
+small_gicp, Open3D and KISS-Matcher register every K-th case too; they take seconds each.
 """
 
 import argparse

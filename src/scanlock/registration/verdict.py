@@ -19,12 +19,12 @@ _MOST_MISFIT = 0.25
 MOST_RIVALRY = 0.75
 """Another pose that agrees this share as well makes the one chosen a toss-up. Of the same places
 seen from farther away less is shared, so the right one may agree less than a rival: in terraces of
-equal houses down to 0.78. Of right poses outdoors few have a rival above 0.3, of scans cut to
-sectors one in a hundred one above 0.7."""
+equal houses down to 0.78. Of 262 whole real scans at their right poses none has a rival above 0.3,
+of 450 cut to sectors two have one above 0.7."""
 
 MOST_SLIDE = 0.9
-"""As well as the pose itself agrees the source slid along it in endless corridors; of right poses
-elsewhere, where walls and rows of trees go on, up to 0.8."""
+"""As well as the pose itself agrees the source slid along it in endless corridors; of whole
+real scans at their right poses, where walls and rows of trees go on, up to 0.8."""
 
 MOST_DRIFT = 0.2
 """A pose that would still move so far [m] onto the surfaces has not come to rest: two thirds of
