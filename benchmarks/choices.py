@@ -22,16 +22,16 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.gaussian_scores import GaussiansToGaussians
-from scanlock.registration.coarse_to_fine import (
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
+from scanlock.optimisation.solvers.newton import Newton
+from scanlock.registration.methods.coarse_to_fine import (
     DEFAULT_SCALES,
     PAPER_SCALES,
     CoarseToFine,
     Scale,
 )
-from scanlock.registration.landmarks import Landmarks
-from scanlock.registration.sgc_ndt import SgcNdt
-from scanlock.solvers.newton import Newton
+from scanlock.registration.methods.sgc_ndt import SgcNdt
+from scanlock.segmentation.cluster_gaussians import Landmarks
 from tables import machine, print_table
 
 Prepare = Callable[[PointCloud], Landmarks]

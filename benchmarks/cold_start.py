@@ -61,7 +61,7 @@ class Watch(event.Listener):
             self.open[-1][2] += seconds
 
 with event.install_listener("numba:compile", Watch()):
-    from scanlock.cli.warm_up import warm_up
+    from scanlock.cli.commands.warm_up import warm_up
     import contextlib, io, os
     os.sched_setaffinity(0, [0])  # one process
     with contextlib.redirect_stdout(io.StringIO()):

@@ -5,7 +5,8 @@
 
 Prints how well failures are told: by the model as it is in scanlock, and by the same model fitted
 without the scenes it is asked about (all real scans of one folder, or every fifth of the simulated
-scenes). `--fit` also prints the numbers to put into `scanlock/registration/confidence.py`.
+scenes). `--fit` also prints the numbers to put into
+`scanlock/registration/verification/probability.py`.
 """
 
 import argparse
@@ -18,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import rankdata
 
-from scanlock.registration import confidence
-from scanlock.registration.methods import METHODS
-from scanlock.registration.verdict import LEAST_PROBABILITY
+from scanlock.registration.registry import METHODS
+from scanlock.registration.verification import probability as confidence
+from scanlock.registration.verification.decision import LEAST_PROBABILITY
 from tables import machine, print_table
 
 _FOLDS = 5

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 
 Cloud = NDArray[np.float64]
 

@@ -19,7 +19,14 @@ from real_scans import RealPair
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.simulation import SENSORS, scan_pair, simulate_scan
-from scanlock.simulation.alike import corridor, crossing, open_field, shaft, terrace, tunnel
+from scanlock.simulation.scenes.look_alikes import (
+    corridor,
+    crossing,
+    open_field,
+    shaft,
+    terrace,
+    tunnel,
+)
 from scanlock.simulation.world import World
 
 LOCAL = ("sgc-ndt-d2d", "gicp", "vgicp", "ndt", "icp")

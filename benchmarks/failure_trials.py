@@ -26,12 +26,13 @@ from failure_cases import Case
 from peers import Judge, available, kiss_matcher_judge, open3d_judge, small_gicp_judge
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
-from scanlock.registration.auto import Auto
-from scanlock.registration.candidate import INITIAL, second_best
-from scanlock.registration.confidence import FEATURES, features
+from scanlock.registration.methods.auto import Auto
 from scanlock.registration.register import register
-from scanlock.registration.result import Registration, Status
-from scanlock.registration.verdict import MOST_DRIFT, MOST_RIVALRY, MOST_SLIDE
+from scanlock.registration.result import Registration
+from scanlock.registration.verification.candidate import INITIAL, second_best
+from scanlock.registration.verification.decision import MOST_DRIFT, MOST_RIVALRY, MOST_SLIDE
+from scanlock.registration.verification.probability import FEATURES, features
+from scanlock.registration.verification.status import Status
 
 WRONG = (99.0, 180.0)
 """The error of any pose between scans of different places [m, deg]."""

@@ -41,8 +41,8 @@ from scanlock.io import (
     write_scan,
     write_tum_poses,
 )
-from scanlock.io.settings import read_settings, write_settings
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
+from scanlock.registration.settings.file import read_settings, write_settings
 from tables import machine, print_table
 
 _LONGEST = 1.0

@@ -25,11 +25,11 @@ from scipy.spatial import cKDTree
 
 from real_scans import kitti_drive
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.models.ground import GroundFinder
+from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.scan import simulate_scan
 from scanlock.simulation.sensors import SENSORS
 from scanlock.simulation.sequence import SCENES
-from scanlock.simulation.surface_class import SurfaceClass
 from tables import machine, print_table
 
 Answer = Callable[[], np.ndarray]

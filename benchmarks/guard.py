@@ -21,9 +21,9 @@ from cores import hold_to_cores
 from laps import turn_about
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.models.segmentation import segment
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
+from scanlock.segmentation.segmentation import segment
 from scanlock.simulation import scan_pair
 from tables import machine, print_table
 

@@ -23,11 +23,11 @@ from any_start import headings, tolerance_of
 from contenders import Contender, ours
 from far_pairs import far_pair
 from scanlock.geometry.pose import Pose
-from scanlock.registration.auto import Auto
-from scanlock.registration.coarse_to_fine import DEFAULT_SCALES
-from scanlock.registration.descents import Descents
-from scanlock.registration.fine_stage import FineStage
-from scanlock.registration.heading_search import HeadingSearch
+from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.coarse_to_fine import DEFAULT_SCALES
+from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.multi_start import Descents
+from scanlock.registration.search.bev_correlation import HeadingSearch
 from tables import machine, print_table
 from trials import Trial, tried
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from contenders import Claimed, Cloud, Contender, ours
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
 
 _Made = TypeVar("_Made")
 

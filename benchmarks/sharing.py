@@ -18,11 +18,11 @@ import numpy as np
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.gaussian_scores import GaussiansToGaussians
-from scanlock.registration.auto import Auto
-from scanlock.registration.fine_stage import FineStage
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
+from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.register import register
-from scanlock.registration.sgc_ndt import SgcNdt
 from scanlock.simulation import scan_pair
 from scanlock.threads import spread, using_threads
 from tables import machine, print_table

@@ -30,11 +30,11 @@ from contenders import Cloud, is_solved, pose_error
 from peers import available, kiss_icp_peer, open3d_cloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 from scanlock.registration.warm_up import warm_up
 from scanlock.simulation import hdl_32e, scan_pair, simulate_scan
-from scanlock.simulation.alike import corridor
+from scanlock.simulation.scenes.look_alikes import corridor
 from tables import machine, print_table
 
 _PATIENCE = 120.0

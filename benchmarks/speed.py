@@ -43,7 +43,7 @@ from peers import (
 from real_scans import RealPair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
 from tables import machine, print_table
 
 GROUPS: dict[str, Callable[[Path], Iterator[RealPair]]] = {

@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from contenders import Cloud
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 from scanlock.registration.warm_up import warm_up
 from scanlock.simulation import scan_pair
 from tables import machine, print_table

@@ -32,13 +32,14 @@ from scipy.stats import chi2
 from contenders import Cloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import log_rotation
-from scanlock.registration.calibration import deviation_factor
-from scanlock.registration.icp import Icp
-from scanlock.registration.methods import METHODS, Method
-from scanlock.registration.pair_fit import PairFit
-from scanlock.registration.pose_covariance import CovarianceWay
-from scanlock.registration.prepared import PreparedScan, prepare
+from scanlock.registration.methods.calibration import deviation_factor
+from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
+from scanlock.registration.uncertainty.pose_covariance import CovarianceWay
 from scanlock.simulation import scan_pair
 from split_scans import halves, scans
 from tables import machine, print_table

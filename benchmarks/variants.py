@@ -17,23 +17,24 @@ import numpy as np
 
 from contenders import is_solved, pose_error
 from real_scans import RealPair, kitti_drive
-from scanlock.registration.coarse_to_fine import CoarseToFine
-from scanlock.registration.gates import FixedGate, TrimmedGate
-from scanlock.registration.gicp import Gicp
-from scanlock.registration.icp import Icp
-from scanlock.registration.methods import METHODS, Method
-from scanlock.registration.mskm_ndt import MskmNdt
-from scanlock.registration.ndt import Ndt
-from scanlock.registration.ndt_d2d import NdtD2d
-from scanlock.registration.pair_fit import PairFit
-from scanlock.registration.pairing import Pairing
+from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.optimisation.solvers.line_search import Armijo, StrongWolfe
+from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
+from scanlock.optimisation.solvers.more_thuente import MoreThuente
+from scanlock.registration.methods.coarse_to_fine import CoarseToFine
+from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.mskm_ndt import MskmNdt
+from scanlock.registration.methods.ndt import Ndt
+from scanlock.registration.methods.ndt_d2d import NdtD2d
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.methods.rejection import FixedGate, TrimmedGate
+from scanlock.registration.methods.sgc_ndt import SgcNdt
+from scanlock.registration.methods.transform_estimation import PairFit
 from scanlock.registration.register import register
-from scanlock.registration.sgc_ndt import SgcNdt
-from scanlock.solvers.bfgs import Bfgs
-from scanlock.solvers.levenberg_marquardt import LevenbergMarquardt
-from scanlock.solvers.line_search import Armijo, StrongWolfe
-from scanlock.solvers.line_search_newton import LineSearchNewton
-from scanlock.solvers.more_thuente import MoreThuente
+from scanlock.registration.registry import METHODS
 from tables import machine, print_table
 
 _PLANES = PairFit(step="gauss-newton", residual="point-to-plane")

@@ -13,7 +13,7 @@ _ROOT = Path(__file__).resolve().parent.parent
 
 def _kernel_digest() -> str:
     digest = hashlib.sha256()
-    for path in sorted((_ROOT / "src" / "scanlock" / "kernels").glob("*.py")):
+    for path in sorted((_ROOT / "src" / "scanlock" / "kernels").rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -12,45 +12,45 @@ if TYPE_CHECKING:
     from scanlock.errors import InvalidInput as InvalidInput
     from scanlock.errors import ScanlockError as ScanlockError
     from scanlock.geometry.pose import Pose as Pose
-    from scanlock.models.clusters import ClusterFinder as ClusterFinder
-    from scanlock.models.ground import GroundFinder as GroundFinder
-    from scanlock.models.segmentation import Segmentation as Segmentation
-    from scanlock.models.segmentation import Segmenter as Segmenter
-    from scanlock.models.segmentation import segment as segment
-    from scanlock.objectives.restraint import PosePrior as PosePrior
-    from scanlock.registration.methods import METHODS as METHODS
-    from scanlock.registration.pose_covariance import PoseCovariance as PoseCovariance
-    from scanlock.registration.prepared import PreparedScan as PreparedScan
-    from scanlock.registration.prepared import prepare as prepare
+    from scanlock.optimisation.objectives.constraints import PosePrior as PosePrior
+    from scanlock.registration.methods.sgc_ndt import SgcNdt as SgcNdt
+    from scanlock.registration.prepare import PreparedScan as PreparedScan
+    from scanlock.registration.prepare import prepare as prepare
     from scanlock.registration.register import register as register
+    from scanlock.registration.registry import METHODS as METHODS
     from scanlock.registration.result import Registration as Registration
-    from scanlock.registration.result import Status as Status
-    from scanlock.registration.sgc_ndt import SgcNdt as SgcNdt
-    from scanlock.registration.uncertainty import Uncertainty as Uncertainty
+    from scanlock.registration.uncertainty.estimators import Uncertainty as Uncertainty
+    from scanlock.registration.uncertainty.pose_covariance import PoseCovariance as PoseCovariance
+    from scanlock.registration.verification.status import Status as Status
     from scanlock.registration.warm_up import warm_up as warm_up
+    from scanlock.segmentation.clusters import ClusterFinder as ClusterFinder
+    from scanlock.segmentation.ground.finder import GroundFinder as GroundFinder
+    from scanlock.segmentation.segmentation import Segmentation as Segmentation
+    from scanlock.segmentation.segmentation import Segmenter as Segmenter
+    from scanlock.segmentation.segmentation import segment as segment
 
 __version__ = "0.1.0.dev0"
 
 _HOMES = {
-    "METHODS": "scanlock.registration.methods",
-    "ClusterFinder": "scanlock.models.clusters",
-    "GroundFinder": "scanlock.models.ground",
+    "METHODS": "scanlock.registration.registry",
+    "ClusterFinder": "scanlock.segmentation.clusters",
+    "GroundFinder": "scanlock.segmentation.ground.finder",
     "InvalidInput": "scanlock.errors",
     "PointCloud": "scanlock.clouds.point_cloud",
     "Pose": "scanlock.geometry.pose",
-    "PoseCovariance": "scanlock.registration.pose_covariance",
-    "PosePrior": "scanlock.objectives.restraint",
-    "PreparedScan": "scanlock.registration.prepared",
+    "PoseCovariance": "scanlock.registration.uncertainty.pose_covariance",
+    "PosePrior": "scanlock.optimisation.objectives.constraints",
+    "PreparedScan": "scanlock.registration.prepare",
     "Registration": "scanlock.registration.result",
     "ScanlockError": "scanlock.errors",
-    "Segmentation": "scanlock.models.segmentation",
-    "Segmenter": "scanlock.models.segmentation",
-    "SgcNdt": "scanlock.registration.sgc_ndt",
+    "Segmentation": "scanlock.segmentation.segmentation",
+    "Segmenter": "scanlock.segmentation.segmentation",
+    "SgcNdt": "scanlock.registration.methods.sgc_ndt",
     "Status": "scanlock.registration.result",
-    "Uncertainty": "scanlock.registration.uncertainty",
-    "prepare": "scanlock.registration.prepared",
+    "Uncertainty": "scanlock.registration.uncertainty.estimators",
+    "prepare": "scanlock.registration.prepare",
     "register": "scanlock.registration.register",
-    "segment": "scanlock.models.segmentation",
+    "segment": "scanlock.segmentation.segmentation",
     "warm_up": "scanlock.registration.warm_up",
 }
 

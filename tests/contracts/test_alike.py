@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from reference.samples import yaw_pose
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
-from scanlock.registration.result import Status
+from scanlock.registration.registry import METHODS
+from scanlock.registration.verification.status import Status
 from scanlock.simulation import hdl_32e, simulate_scan
-from scanlock.simulation.alike import corridor, crossing, open_field, shaft, terrace, tunnel
+from scanlock.simulation.scenes.look_alikes import (
+    corridor,
+    crossing,
+    open_field,
+    shaft,
+    terrace,
+    tunnel,
+)
 
 _WORLDS = {
     "field": (open_field, 1.5),

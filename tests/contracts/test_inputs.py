@@ -10,8 +10,8 @@ import pytest
 from contracts.traits import gap, report, result, source, target
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 from scanlock.registration.result import Registration
 
 pytestmark = pytest.mark.parametrize("method", METHODS)

@@ -9,9 +9,9 @@ from contracts.traits import METRES, RADIANS, TRAITS, motion, source, target
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
-from scanlock.registration.result import Status
+from scanlock.registration.registry import METHODS
+from scanlock.registration.verification.status import Status
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 

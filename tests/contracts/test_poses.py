@@ -9,10 +9,10 @@ from contracts.traits import METRES, RADIANS, TRAITS, gap, motion, result, sourc
 from reference.samples import street, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import log_rotation
-from scanlock.objectives.restraint import PosePrior
-from scanlock.registration.methods import METHODS
+from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.register import register
-from scanlock.registration.result import Status
+from scanlock.registration.registry import METHODS
+from scanlock.registration.verification.status import Status
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 

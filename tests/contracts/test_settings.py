@@ -13,8 +13,8 @@ from contracts.traits import METRES, RADIANS, TRAITS, result, source, target
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import DEFAULT_METHOD, METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 

@@ -5,8 +5,8 @@ import pytest
 
 from contracts.traits import gap, result, source, target
 from scanlock.errors import InvalidInput
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 

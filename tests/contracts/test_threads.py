@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from contracts.traits import source, target
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 

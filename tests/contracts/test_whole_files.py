@@ -17,7 +17,8 @@ import pytest
 
 from reference.samples import street, yaw_pose
 from scanlock import cli, io
-from scanlock.cli import main, simulate
+from scanlock.cli import main
+from scanlock.cli.commands import simulate
 from scanlock.geometry.pose import Pose
 from scanlock.simulation import CAR, Drive, SimulatedSequence, SurfaceClass, World, boxes, hdl_32e
 

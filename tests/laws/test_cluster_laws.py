@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from reference import flood
 from reference.grouping import partition
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.models.clusters import ClusterFinder, GaussianFit, L2Distance, MeanDistance
+from scanlock.segmentation.clusters import ClusterFinder, GaussianFit, L2Distance, MeanDistance
 
 _SEEDS = st.integers(0, 2**32 - 1)
 

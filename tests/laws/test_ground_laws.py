@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.models.ground import GroundFinder, GroundStatus
-from scanlock.models.ground_model import BLUNT_LIMIT
+from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus
+from scanlock.segmentation.ground.model import BLUNT_LIMIT
 
 _FINDER = GroundFinder()
 

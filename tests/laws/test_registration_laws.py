@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from reference.samples import street
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
 from scanlock.registration.register import register
-from scanlock.registration.result import Status
+from scanlock.registration.registry import METHODS
+from scanlock.registration.verification.status import Status
 
 _METHODS = st.sampled_from(sorted(METHODS))
 _BLURRED = st.sampled_from(["sgc-ndt-d2d", "sgc-ndt-p2d"])

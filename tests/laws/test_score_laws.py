@@ -11,7 +11,7 @@ from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.gaussians import Gaussians
-from scanlock.objectives.gaussian_scores import (
+from scanlock.optimisation.objectives.gaussian_scores import (
     GaussiansToGaussians,
     PointsToGaussians,
     ScoreShape,

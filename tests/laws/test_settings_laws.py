@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scanlock.errors import InvalidInput
-from scanlock.io.settings import settings_from_toml, settings_to_toml
-from scanlock.io.settings_types import allowed, annotations_of
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
+from scanlock.registration.settings.file import settings_from_toml, settings_to_toml
+from scanlock.registration.settings.types import allowed, annotations_of
 
 
 def _values(annotation):

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
-from scanlock.solvers.bfgs import Bfgs
-from scanlock.solvers.levenberg_marquardt import LevenbergMarquardt
-from scanlock.solvers.line_search import Armijo
-from scanlock.solvers.line_search_newton import LineSearchNewton
-from scanlock.solvers.more_thuente import MoreThuente
-from scanlock.solvers.newton import Newton
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
+from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.optimisation.solvers.line_search import Armijo
+from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
+from scanlock.optimisation.solvers.more_thuente import MoreThuente
+from scanlock.optimisation.solvers.newton import Newton
 
 _SOLVERS = [
     LineSearchNewton(),

@@ -1,4 +1,4 @@
-"""Slow twin of `scanlock.registration.footing`: one plane after the other, from the definition."""
+"""Slow twin of `verification.plane_constraints`: one plane after the other, by definition."""
 
 import numpy as np
 

@@ -7,7 +7,7 @@ import numpy as np
 from reference import point_tree
 from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.registration.pairing import PointScan
+from scanlock.registration.methods.correspondences import PointScan
 
 
 @dataclass(frozen=True)

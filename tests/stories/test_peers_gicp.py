@@ -9,7 +9,7 @@ from reference.real_pairs import PAIRS, STEP_AWAY, real_pair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import unpacked
-from scanlock.registration.gicp import Gicp
+from scanlock.registration.methods.gicp import Gicp
 
 small_gicp = pytest.importorskip("small_gicp")
 pytestmark = pytest.mark.data

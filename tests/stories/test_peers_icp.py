@@ -8,13 +8,13 @@ import pytest
 from reference.real_pairs import PAIRS, STEP_AWAY, real_pair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.point_pairs import PointPairs
-from scanlock.registration.gates import FixedGate
-from scanlock.registration.icp import Icp
-from scanlock.registration.icp_trail import IcpStopping
-from scanlock.registration.pair_fit import PairFit
-from scanlock.registration.pairing import Pairing
-from scanlock.solvers.gauss_newton import gauss_newton_step
+from scanlock.optimisation.objectives.point_pairs import PointPairs
+from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
+from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp_history import IcpStopping
+from scanlock.registration.methods.rejection import FixedGate
+from scanlock.registration.methods.transform_estimation import PairFit
 
 pytestmark = pytest.mark.data
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import scanlock
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
 
 pytestmark = pytest.mark.data
 # ICP, a baseline of the papers, loses some of these pairs or ends decimetres off.

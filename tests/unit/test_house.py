@@ -13,7 +13,7 @@ import pytest
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGE = _ROOT / "src" / "scanlock"
 _MODULES = sorted(_PACKAGE.rglob("*.py"))
-_KERNELS = sorted((_PACKAGE / "kernels").glob("*.py"))
+_KERNELS = sorted((_PACKAGE / "kernels").rglob("*.py"))
 _MOST_LINES = 350
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import scanlock
 from scanlock.interrupts import plain_interrupts
-from scanlock.models.segmentation import Segmenter
+from scanlock.segmentation.segmentation import Segmenter
 
 _POINTS = np.random.default_rng(0).uniform(-5.0, 5.0, (50, 3))
 

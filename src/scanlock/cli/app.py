@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from scanlock import __version__
-from scanlock.cli.commands import COMMANDS
-from scanlock.cli.faults import complain, one_line, usage_fault
+from scanlock.cli.command_table import COMMANDS
+from scanlock.cli.errors import complain, one_line, usage_fault
 from scanlock.errors import ScanlockError
 
 OK, FAULT, PIPE_CLOSED = 0, 1, 141

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
-from scanlock.cli.screen import screen
+from scanlock.cli.console import screen
 
 _Item = TypeVar("_Item")
 

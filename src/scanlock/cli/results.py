@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from scanlock.cli.screen import Facts, print_facts, print_status, print_table
+from scanlock.cli.console import Facts, print_facts, print_status, print_table
 
 if TYPE_CHECKING:
     from scanlock.arrays import Vector
@@ -35,7 +35,7 @@ def show_registration(
     truth : Pose, optional
         The true pose, if it is known.
     """
-    from scanlock.registration.summary import direction_rows, metric_rows
+    from scanlock.registration.display import direction_rows, metric_rows
 
     status = result.status.value.replace("_", " ")
     rows: Facts = [

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, frozen, read_only
 from scanlock.errors import require_positive
-from scanlock.kernels.probing import sorted_by_cube, sums_near
+from scanlock.kernels.points.neighbourhood_sums import sorted_by_cube, sums_near
 
 
 @dataclass(frozen=True, slots=True, eq=False)

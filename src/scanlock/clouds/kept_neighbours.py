@@ -7,7 +7,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector, read_only
 from scanlock.clouds.neighbours import ClosestPoints
 from scanlock.clouds.point_tree import PointTree
-from scanlock.kernels.point_tree import kept_nearest_rows
+from scanlock.kernels.points.point_tree import kept_nearest_rows
 
 
 @dataclass(slots=True, eq=False)

@@ -12,7 +12,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
-from scanlock.kernels.tessellation import nearest_vertices
+from scanlock.kernels.points.tessellation import nearest_vertices
 
 Search = Literal["k-d tree", "delaunay"]
 """How closest points are looked for; the answers are the same."""

@@ -120,7 +120,7 @@ class PointCloud:
         Such a point is no place but a driver's word for "no return".
         """
         # Here, so that who only reads scans does not load a compiler.
-        from scanlock.kernels.rows import is_off_zero
+        from scanlock.kernels.points.rows import is_off_zero
 
         if self.origin.any():
             return read_only(np.ones(len(self.points), np.bool_))

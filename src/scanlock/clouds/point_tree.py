@@ -7,9 +7,13 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_count
-from scanlock.kernels.leaf_covariances import leaf_covariances
-from scanlock.kernels.point_tree import nearest_rows, several_nearest_rows, sorted_into_leaves
-from scanlock.kernels.surfaces import neighbour_covariances
+from scanlock.kernels.points.leaf_covariances import leaf_covariances
+from scanlock.kernels.points.point_tree import (
+    nearest_rows,
+    several_nearest_rows,
+    sorted_into_leaves,
+)
+from scanlock.kernels.points.surfaces import neighbour_covariances
 
 _LARGEST_LEAF = 16
 """Points in a leaf; 10 to 30 are equally fast on scans thinned to 0.25 m."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
-from scanlock.kernels.polar import polar_cells
+from scanlock.kernels.points.polar import polar_cells
 
 _MOST_BINS = 1e6
 """A grid of more innermost widths than this [1] is a mistake in units, and would fill memory."""

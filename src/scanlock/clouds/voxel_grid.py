@@ -4,9 +4,9 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import require_positive
-from scanlock.kernels.moments import labelled_moments
-from scanlock.kernels.voxel_sums import moments_of_sums, voxel_sums
-from scanlock.kernels.voxels import ascending_keys, occupied_voxels, voxel_middles
+from scanlock.kernels.points.moments import labelled_moments
+from scanlock.kernels.points.voxel_sums import moments_of_sums, voxel_sums
+from scanlock.kernels.points.voxels import ascending_keys, occupied_voxels, voxel_middles
 
 _ZERO = read_only(np.zeros(3))
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scanlock.evaluation.spread import spread
+from scanlock.evaluation.box_plot import spread
 from scanlock.experiments.experiment import Claim, Outcome
 from scanlock.experiments.pairwise import (
     SOLVED,

@@ -19,10 +19,10 @@ from scanlock.experiments.pairwise import (
 )
 from scanlock.experiments.series import ScanSeries
 from scanlock.geometry.pose import Pose
-from scanlock.io.records import stored_records
 from scanlock.pipelines.starts import AroundTruth
 from scanlock.pipelines.study import Study, StudyPair, StudyRecord
-from scanlock.registration.methods import Method
+from scanlock.pipelines.study_records import stored_records
+from scanlock.registration.methods.protocol import Method
 from scanlock.report.basin_figure import Basin, basin_figure
 from scanlock.report.box_figure import BoxPanel, box_figure
 from scanlock.report.tables import Cell, Column, Table

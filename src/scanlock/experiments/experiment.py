@@ -12,7 +12,7 @@ from scanlock.experiments.series import ScanSeries
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.starts import FromIdentity, StartPlan
 from scanlock.pipelines.study import StudyPair, StudyRecord
-from scanlock.registration.methods import Method
+from scanlock.registration.methods.protocol import Method
 from scanlock.report.tables import Table
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from scanlock.evaluation.voxel_map import VoxelMap
 from scanlock.experiments.experiment import Watch
 from scanlock.experiments.series import ScanSeries
 from scanlock.geometry.pose import Pose
-from scanlock.models.segmentation import segment
 from scanlock.report.map_figure import DrawnMap
+from scanlock.segmentation.segmentation import segment
 
 Tracks = Mapping[str, Sequence[Pose]]
 """first_from_scan of each scan, by what found it."""

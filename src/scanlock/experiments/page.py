@@ -10,8 +10,8 @@ from scanlock.evaluation.crispness import VOXEL_WIDTH
 from scanlock.experiments.experiment import Claim, Experiment, Findings, Section
 from scanlock.experiments.series import ScanSeries
 from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
-from scanlock.io.settings import write_settings
-from scanlock.registration.methods import Method
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.settings.file import write_settings
 from scanlock.report.canvas import save_figure
 
 PAGE = "index.md"

@@ -11,7 +11,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.errors import require_positive
-from scanlock.evaluation.spread import spread
+from scanlock.evaluation.box_plot import spread
 from scanlock.experiments.experiment import Outcome
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyRecord

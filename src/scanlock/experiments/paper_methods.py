@@ -3,15 +3,15 @@
 from dataclasses import replace
 
 from scanlock.experiments.experiment import Contender
-from scanlock.registration.coarse_to_fine import PAPER_SCALES, CoarseToFine
-from scanlock.registration.gates import FixedGate
-from scanlock.registration.gicp import Gicp
-from scanlock.registration.icp import Icp, IcpStopping
-from scanlock.registration.ndt import Ndt
-from scanlock.registration.pairing import Pairing
-from scanlock.registration.sgc_ndt import SgcNdt
-from scanlock.solvers.newton import Newton
-from scanlock.solvers.stopping import Stopping
+from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.stopping import Stopping
+from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine
+from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp import Icp, IcpStopping
+from scanlock.registration.methods.ndt import Ndt
+from scanlock.registration.methods.rejection import FixedGate
+from scanlock.registration.methods.sgc_ndt import SgcNdt
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
 P2D, D2D = "SGC-NDT-P2D", "SGC-NDT-D2D"

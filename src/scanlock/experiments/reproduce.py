@@ -6,12 +6,12 @@ from pathlib import Path
 
 from scanlock.experiments.experiment import Experiment, Findings, Outcome, Watch, unwatched
 from scanlock.experiments.forest import FOREST
-from scanlock.experiments.ladar import LADAR
+from scanlock.experiments.ladar.experiment import LADAR
 from scanlock.experiments.page import preface, write_findings
 from scanlock.experiments.series import ScanSeries
 from scanlock.experiments.urban import URBAN
-from scanlock.io.records import stored_records
 from scanlock.pipelines.study import Study, StudyRecord
+from scanlock.pipelines.study_records import stored_records
 
 EXPERIMENTS = {experiment.name: experiment for experiment in (URBAN, FOREST, LADAR)}
 """Every experiment by name."""

@@ -2,7 +2,7 @@
 
 from scanlock.io.atomic import atomic_file
 from scanlock.io.describe import ScanDescription, describe_scan
-from scanlock.io.formats import FORMATS, ScanFormat
+from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import (
     read_kitti_poses,

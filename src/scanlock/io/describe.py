@@ -10,8 +10,8 @@ import numpy as np
 
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.io.faults import malformed
-from scanlock.io.formats import FORMATS
+from scanlock.io.errors import malformed
+from scanlock.io.formats.registry import FORMATS
 from scanlock.io.scan_file import Field, ScanFile
 from scanlock.io.scan_guesses import (
     SettingsGuess,

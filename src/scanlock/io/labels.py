@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Labels
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.io.atomic import atomic_file
-from scanlock.io.faults import malformed, read_bytes
-from scanlock.io.npy import array_from_npy
+from scanlock.io.errors import malformed, read_bytes
+from scanlock.io.formats.npy import array_from_npy
 from scanlock.io.numeric_text import (
     SEPARATORS,
     first_line,

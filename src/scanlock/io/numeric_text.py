@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.errors import FormatError
-from scanlock.io.faults import malformed
+from scanlock.io.errors import malformed
 
 SEPARATORS = bytes.maketrans(b",;\t\"'", b"     ")
 """Turns what stands between the cells of a table into spaces."""

@@ -14,8 +14,8 @@ from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.atomic import atomic_file
-from scanlock.io.faults import malformed, read_bytes
-from scanlock.io.npy import array_from_npy
+from scanlock.io.errors import malformed, read_bytes
+from scanlock.io.formats.npy import array_from_npy
 from scanlock.io.numeric_text import SEPARATORS, parse_rows, without_comments
 from scanlock.io.quaternions import pose_from_quaternion
 

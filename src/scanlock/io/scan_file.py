@@ -13,7 +13,7 @@ from scanlock.arrays import Points, frozen
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.columns import distinct_names, find_coordinates
-from scanlock.io.faults import malformed
+from scanlock.io.errors import malformed
 
 Field = NDArray[Any]
 """(n,) or (n, k) values that belong to the points row by row."""

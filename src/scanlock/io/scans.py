@@ -12,8 +12,8 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
-from scanlock.io.faults import read_bytes
-from scanlock.io.formats import FORMATS, format_of_name, require_format, settled_format
+from scanlock.io.errors import read_bytes
+from scanlock.io.formats.registry import FORMATS, format_of_name, require_format, settled_format
 from scanlock.io.scan_file import ScanFile
 
 Encoding = Literal["binary", "ascii", "compressed"]

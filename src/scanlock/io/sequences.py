@@ -12,10 +12,10 @@ import numpy as np
 from scanlock.arrays import Points, Vector, frozen
 from scanlock.errors import FormatError, require_count
 from scanlock.geometry.pose import Pose
-from scanlock.io.faults import malformed
-from scanlock.io.ford import read_ford_scan
-from scanlock.io.formats import format_of_name
-from scanlock.io.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
+from scanlock.io.errors import malformed
+from scanlock.io.formats.ford import read_ford_scan
+from scanlock.io.formats.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
+from scanlock.io.formats.registry import format_of_name
 from scanlock.io.poses import read_kitti_poses, read_tum_poses
 from scanlock.io.scans import read_scan
 

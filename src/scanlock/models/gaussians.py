@@ -12,9 +12,9 @@ from scanlock.arrays import Counts, Labels, Mask, Matrix, Points, Vector, frozen
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.flooring import floored_covariances
-from scanlock.kernels.moments import labelled_moments
-from scanlock.kernels.packed import merged_moments, packed_inverses, packed_turned
+from scanlock.kernels.gaussians.eigen3 import floored_covariances
+from scanlock.kernels.gaussians.packed import merged_moments, packed_inverses, packed_turned
+from scanlock.kernels.points.moments import labelled_moments
 
 _PACKED_ROWS = (0, 0, 0, 1, 1, 2)
 _PACKED_COLUMNS = (0, 1, 2, 1, 2, 2)

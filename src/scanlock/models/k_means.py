@@ -7,8 +7,8 @@ import numpy as np
 from scanlock.arrays import Labels, Points, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import require_count
-from scanlock.kernels.k_means import spread_seeds
-from scanlock.kernels.moments import labelled_moments
+from scanlock.kernels.points.k_means import spread_seeds
+from scanlock.kernels.points.moments import labelled_moments
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

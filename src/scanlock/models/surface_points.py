@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from scanlock.arrays import Labels, Matrix, Points, frozen, read_only
 from scanlock.clouds.voxel_grid import voxel_cells
 from scanlock.errors import InvalidInput
-from scanlock.kernels.cells import cell_table, rows_at
-from scanlock.kernels.surface_voxels import voxel_surfaces
+from scanlock.kernels.gaussians.cells import cell_table, rows_at
+from scanlock.kernels.points.surface_voxels import voxel_surfaces
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
-from scanlock.kernels.flooring import principal_axes
+from scanlock.kernels.gaussians.eigen3 import principal_axes
 
 SurfaceShape = Literal["plane", "ellipsoid"]
 """What the neighbours of a point are taken for.

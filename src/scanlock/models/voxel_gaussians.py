@@ -9,7 +9,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector, frozen
 from scanlock.clouds.voxel_grid import voxel_moments
 from scanlock.errors import require_at_least, require_count, require_fraction, require_positive
-from scanlock.kernels.cells import cell_table
+from scanlock.kernels.gaussians.cells import cell_table
 from scanlock.models.gaussians import Gaussians
 
 

@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.restraint import DegreesOfFreedom
-from scanlock.registration.methods import DEFAULT_METHOD, Method
-from scanlock.registration.prepared import PreparedScan, prepare
+from scanlock.optimisation.objectives.constraints import DegreesOfFreedom
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
+from scanlock.registration.registry import DEFAULT_METHOD
 from scanlock.registration.result import Registration
 
 Guess = Literal["identity", "velocity"]

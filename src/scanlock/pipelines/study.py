@@ -13,12 +13,13 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, ScanlockError
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_angle
+from scanlock.optimisation.solvers.solution import Iteration
 from scanlock.pipelines.starts import FromIdentity, StartPlan
-from scanlock.registration.methods import Method
-from scanlock.registration.prepared import PreparedScan, prepare
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
-from scanlock.registration.result import Registration, Status
-from scanlock.solvers.solution import Iteration
+from scanlock.registration.result import Registration
+from scanlock.registration.verification.status import Status
 
 _Made = TypeVar("_Made", PointCloud, PreparedScan)
 

@@ -12,22 +12,23 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
-from scanlock.objectives.restraint import DegreesOfFreedom, PosePrior, Restraint
-from scanlock.registration.auto import Found
-from scanlock.registration.calibration import deviation_factor
-from scanlock.registration.confidence import probability
-from scanlock.registration.frames import Frames
-from scanlock.registration.inspection import inspect
-from scanlock.registration.methods import DEFAULT_METHOD, Method, Search
-from scanlock.registration.metrics import Metrics
-from scanlock.registration.pose_covariance import CovarianceWay, PoseCovariance
-from scanlock.registration.prepared import PreparedScan, named_method, prepare
-from scanlock.registration.result import Registration, Status
-from scanlock.registration.stages import StageClock
-from scanlock.registration.uncertainty import Uncertainty
-from scanlock.registration.verdict import judge
-from scanlock.solvers.solution import Solution
+from scanlock.optimisation.objectives.constraints import DegreesOfFreedom, PosePrior, Restraint
+from scanlock.optimisation.solvers.solution import Solution
+from scanlock.registration.local_origins import Frames
+from scanlock.registration.methods.calibration import deviation_factor
+from scanlock.registration.methods.protocol import Found, Method, Search
+from scanlock.registration.prepare import PreparedScan, named_method, prepare
+from scanlock.registration.registry import DEFAULT_METHOD
+from scanlock.registration.result import Registration
+from scanlock.registration.uncertainty.estimators import Uncertainty
+from scanlock.registration.uncertainty.pose_covariance import CovarianceWay, PoseCovariance
+from scanlock.registration.verification.assessment import inspect
+from scanlock.registration.verification.decision import judge
+from scanlock.registration.verification.metrics import Metrics
+from scanlock.registration.verification.probability import probability
+from scanlock.registration.verification.status import Status
 from scanlock.threads import spread, using_threads
+from scanlock.timing import StageClock
 
 _MENDED = 1e-6
 """Changes of an initial rotation that are worth a word: more than rounding to single precision."""

@@ -1,6 +1,5 @@
 """What a registration says: the pose, whether to trust it, and how it came about."""
 
-import enum
 import json
 import math
 from collections.abc import Mapping
@@ -10,41 +9,20 @@ from typing import Any
 
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_angle
-from scanlock.registration.candidate import Candidate
-from scanlock.registration.frames import Frames
-from scanlock.registration.hold import HeldDirection
-from scanlock.registration.metrics import Metrics
-from scanlock.registration.pose_covariance import PoseCovariance
-from scanlock.registration.summary import (
+from scanlock.optimisation.solvers.solution import Iteration
+from scanlock.registration.display import (
     Rows,
     direction_rows,
     html_table,
     metric_rows,
     text_table,
 )
-from scanlock.solvers.solution import Iteration
-
-
-class Status(enum.Enum):
-    """How a registration ended; only `OK` is a pose to use unseen."""
-
-    OK = "ok"
-    """The solver converged, and the scans agree at the pose as they do at right ones."""
-
-    DEGENERATE = "degenerate"
-    """The scans look alike when moved along some direction; the pose may be wrong along it."""
-
-    AMBIGUOUS = "ambiguous"
-    """Another pose, not near the one chosen, agrees nearly as well."""
-
-    LOW_OVERLAP = "low_overlap"
-    """Too little of the scans agrees at the pose: it is likely wrong, or they share too little."""
-
-    NOT_CONVERGED = "not_converged"
-    """The iteration limit came first, or the pose is not at rest on the surfaces that both show."""
-
-    NO_CORRESPONDENCES = "no_correspondences"
-    """Nothing of the two scans meets, or one holds too few parts; the initial pose, untouched."""
+from scanlock.registration.local_origins import Frames
+from scanlock.registration.uncertainty.pose_covariance import PoseCovariance
+from scanlock.registration.verification.candidate import Candidate
+from scanlock.registration.verification.metrics import Metrics
+from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +44,7 @@ class Registration:
         registered.
     probability : float
         How probable it is that the pose is within 0.3 m and 1 degree of the truth, in [0, 1];
-        `scanlock.registration.confidence` says how it is made. 0 when nothing was registered.
+        see `scanlock.registration.verification.probability`. 0 when nothing was registered.
     directions : tuple of HeldDirection
         How firmly the surfaces that both scans show hold the pose: three translations, least held
         first, then three rotations. Empty where they share too few surfaces to tell.

@@ -11,19 +11,20 @@ from scanlock.arrays import Points, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.models.clusters import ClusterFinder
-from scanlock.models.ground import GroundFinder
-from scanlock.models.segmentation import Segmenter, segment
 from scanlock.models.sensor_noise import SensorNoise
-from scanlock.objectives.cell_scores import CellMeeting
-from scanlock.registration.cluster_matching import ClusterMatcher
-from scanlock.registration.gicp import Gicp
-from scanlock.registration.icp import Icp
-from scanlock.registration.methods import METHODS, Method
-from scanlock.registration.ndt import Ndt
-from scanlock.registration.ndt_d2d import NdtD2d
-from scanlock.registration.pair_fit import PairFit
+from scanlock.optimisation.objectives.cell_scores import CellMeeting
+from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.ndt import Ndt
+from scanlock.registration.methods.ndt_d2d import NdtD2d
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.methods.transform_estimation import PairFit
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
+from scanlock.registration.search.cluster_matching import ClusterMatcher
+from scanlock.segmentation.clusters import ClusterFinder
+from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.segmentation import Segmenter, segment
 
 _SENSOR_HEIGHT = 1.7
 _PLANES = PairFit(step="gauss-newton", residual="point-to-plane")

@@ -8,7 +8,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput
-from scanlock.evaluation.spread import spread
+from scanlock.evaluation.box_plot import spread
 from scanlock.report.canvas import BLUE, FAINT, INK, VERMILION, blank_figure
 
 if TYPE_CHECKING:

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.models.segmentation import segment
-from scanlock.registration.frames import Frames
+from scanlock.registration.local_origins import Frames
 from scanlock.registration.result import Registration
 from scanlock.report.canvas import (
     ALARM,
@@ -25,6 +24,7 @@ from scanlock.report.canvas import (
     square_view,
     window_around,
 )
+from scanlock.segmentation.segmentation import segment
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,9 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.models.ground import GroundStatus
-from scanlock.models.segmentation import GROUND as GROUND_LABEL
-from scanlock.models.segmentation import LEFT_OUT, Segmentation
 from scanlock.report.canvas import (
     ALARM,
     CATEGORIES,
@@ -25,6 +22,9 @@ from scanlock.report.canvas import (
     thinned_rows,
     window_around,
 )
+from scanlock.segmentation.ground.finder import GroundStatus
+from scanlock.segmentation.segmentation import GROUND as GROUND_LABEL
+from scanlock.segmentation.segmentation import LEFT_OUT, Segmentation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -4,22 +4,28 @@
 ``SimulatedSequence(scene.world, hdl_64e(), street_drive(scene, rng), seed=1)`` a whole drive.
 A world of one's own is made of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
 `HeightField`, and seen by `simulate_scan`. ``ladar_run(seed=1)`` gives the range images of a
-ladar on a pan/tilt platform of an off-road vehicle, and `scanlock.simulation.alike` has worlds that
-look alike from more than one place. The same seed gives the same bytes.
+ladar on a pan/tilt platform of an off-road vehicle, and
+`scanlock.simulation.scenes.look_alikes` has worlds that look alike from more than one place. The
+same seed gives the same bytes.
 """
 
 from scanlock.simulation.drive import CAR, ROBOT, Carrier, Drive, drive_along
-from scanlock.simulation.facet_ladar import FacetLadar, points_from_ranges, ranges_from_points
-from scanlock.simulation.forests import forest, forest_walk
-from scanlock.simulation.height_field import HeightField
-from scanlock.simulation.ladar_scan import LadarScan, simulate_frame
-from scanlock.simulation.ladar_sequence import AHEAD_AND_DOWN, LadarSequence, ladar_run
+from scanlock.simulation.ladar.mount import PanTiltMount, TiltSweep
+from scanlock.simulation.ladar.scan import LadarScan, simulate_frame
+from scanlock.simulation.ladar.sensor import FacetLadar, points_from_ranges, ranges_from_points
+from scanlock.simulation.ladar.sequence import AHEAD_AND_DOWN, LadarSequence, ladar_run
 from scanlock.simulation.motion import carried, screw, twist_between
-from scanlock.simulation.mount import PanTiltMount, TiltSweep
-from scanlock.simulation.mover import Mover
-from scanlock.simulation.rugged import XUV, rugged, rugged_drive
+from scanlock.simulation.objects.mover import Mover
+from scanlock.simulation.objects.shapes import boxes, cones, discs, ellipsoids, triangles
+from scanlock.simulation.objects.surface_class import SurfaceClass
+from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
-from scanlock.simulation.scene import Scene
+from scanlock.simulation.scenes.forests import forest, forest_walk
+from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.scenes.rugged import XUV, rugged, rugged_drive
+from scanlock.simulation.scenes.scene import Scene
+from scanlock.simulation.scenes.streets import street, street_drive
+from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
 from scanlock.simulation.sequence import (
     SCENES,
@@ -28,11 +34,6 @@ from scanlock.simulation.sequence import (
     drive_through,
     scan_pair,
 )
-from scanlock.simulation.shapes import boxes, cones, discs, ellipsoids, triangles
-from scanlock.simulation.streets import street, street_drive
-from scanlock.simulation.surface_class import SurfaceClass
-from scanlock.simulation.surfaces import Surfaces
-from scanlock.simulation.track import Track
 from scanlock.simulation.world import RayHits, World
 
 __all__ = [

@@ -10,10 +10,10 @@ from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.simulation.height_field import HeightField
 from scanlock.simulation.motion import twist_between
-from scanlock.simulation.terrain import Waves
-from scanlock.simulation.track import Track
+from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.scenes.terrain import Waves
+from scanlock.simulation.scenes.track import Track
 
 _SWEEP = 0.1
 """Twists are the mean velocity over this time [s], a sweep of the usual lidar."""

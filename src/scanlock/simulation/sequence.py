@@ -9,12 +9,12 @@ import numpy as np
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.drive import Drive
-from scanlock.simulation.forests import forest, forest_walk
-from scanlock.simulation.rugged import rugged, rugged_drive
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
-from scanlock.simulation.scene import Scene
+from scanlock.simulation.scenes.forests import forest, forest_walk
+from scanlock.simulation.scenes.rugged import rugged, rugged_drive
+from scanlock.simulation.scenes.scene import Scene
+from scanlock.simulation.scenes.streets import street, street_drive
 from scanlock.simulation.sensors import SENSORS, Sensor
-from scanlock.simulation.streets import street, street_drive
 from scanlock.simulation.world import World
 
 _Maker = TypeVar("_Maker")

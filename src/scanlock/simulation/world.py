@@ -7,13 +7,13 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_positive
-from scanlock.kernels.ray_casting import NOTHING, cast_at_movers, cast_rays
-from scanlock.kernels.ray_ground import cast_at_ground
-from scanlock.kernels.ray_tree import box_tree
-from scanlock.simulation.height_field import HeightField
-from scanlock.simulation.mover import Mover
-from scanlock.simulation.surface_class import SurfaceClass
-from scanlock.simulation.surfaces import Surfaces
+from scanlock.kernels.simulation.ray_casting import NOTHING, cast_at_movers, cast_rays
+from scanlock.kernels.simulation.ray_ground import cast_at_ground
+from scanlock.kernels.simulation.ray_tree import box_tree
+from scanlock.simulation.objects.mover import Mover
+from scanlock.simulation.objects.surface_class import SurfaceClass
+from scanlock.simulation.objects.surfaces import Surfaces
+from scanlock.simulation.scenes.height_field import HeightField
 
 GROUND_OBJECT = 0
 """The object number of the height field."""

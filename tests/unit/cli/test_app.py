@@ -6,8 +6,8 @@ from typing import get_args
 import pytest
 
 from scanlock import __version__
-from scanlock.cli import choices
-from scanlock.cli.commands import COMMANDS
+from scanlock.cli import option_types as choices
+from scanlock.cli.command_table import COMMANDS
 
 
 def _python(code, **options):
@@ -94,9 +94,9 @@ def test_a_typo_is_one_line_on_stderr_with_what_to_do(scanlock, arguments, parts
 
 def test_names_offered_are_the_names_there_are():
     from scanlock.io import FORMATS
-    from scanlock.objectives.restraint import DegreesOfFreedom
-    from scanlock.registration.methods import DEFAULT_METHOD, METHODS
-    from scanlock.registration.pose_covariance import CovarianceWay
+    from scanlock.optimisation.objectives.constraints import DegreesOfFreedom
+    from scanlock.registration.registry import DEFAULT_METHOD, METHODS
+    from scanlock.registration.uncertainty.pose_covariance import CovarianceWay
     from scanlock.simulation import SCENES, SENSORS
 
     assert get_args(choices.MethodName) == tuple(METHODS)

@@ -8,7 +8,7 @@ from scanlock.arrays import read_only
 from scanlock.clouds.kept_neighbours import KeptNeighbours, kept_neighbours
 from scanlock.clouds.neighbours import closest_points
 from scanlock.clouds.point_tree import PointTree
-from scanlock.kernels.point_tree import kept_nearest_rows
+from scanlock.kernels.points.point_tree import kept_nearest_rows
 
 
 def _assert_answers(kept, queries, limit):

@@ -12,7 +12,7 @@ from scanlock.arrays import read_only
 from scanlock.clouds.neighbours import Tessellation, closest_points
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
-from scanlock.kernels.tessellation import nearest_vertices
+from scanlock.kernels.points.tessellation import nearest_vertices
 
 
 def _grid():

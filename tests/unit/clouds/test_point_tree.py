@@ -8,7 +8,7 @@ from reference.samples import street
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput
-from scanlock.kernels.leaf_covariances import leaf_covariances
+from scanlock.kernels.points.leaf_covariances import leaf_covariances
 
 
 def _ring(rng, count):

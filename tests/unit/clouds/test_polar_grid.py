@@ -7,7 +7,7 @@ from reference import polar
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput
-from scanlock.kernels.polar import polar_cells
+from scanlock.kernels.points.polar import polar_cells
 
 _GRIDS = [
     PolarGrid(),

@@ -12,8 +12,8 @@ from scanlock.experiments.page import file_name
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
 from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
 from scanlock.io import read_kitti_poses, read_scan, read_tum_poses
-from scanlock.io.settings import read_settings
 from scanlock.pipelines import study as study_module
+from scanlock.registration.settings.file import read_settings
 
 NAMES = (P2D, D2D, G_ICP)
 

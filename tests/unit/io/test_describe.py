@@ -7,7 +7,7 @@ import pytest
 from scanlock.errors import FormatError
 from scanlock.io import describe_scan, write_scan
 from scanlock.io.scan_guesses import guess_sensor, guess_settings, guess_time
-from scanlock.registration.methods import METHODS
+from scanlock.registration.registry import METHODS
 
 
 def _describe(tmp_path, points, fields=None, **options):

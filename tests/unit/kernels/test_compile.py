@@ -79,7 +79,7 @@ def test_a_kernel_works_where_no_cache_can_be_written():
     # Only archives may be cached, and the file is none, so Numba finds no place for its cache.
     code = (
         "import numpy as np\n"
-        "from scanlock.kernels.polar import polar_cells\n"
+        "from scanlock.kernels.points.polar import polar_cells\n"
         "print(polar_cells(np.array([[1.0, 0.1, 0.0]]), 4, np.array([0.0, 2.0])))\n"
     )
     environment = os.environ | {"NUMBA_CACHE_LOCATOR_CLASSES": "ZipCacheLocator"}

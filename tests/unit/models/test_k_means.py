@@ -5,7 +5,7 @@ from reference import k_means as reference
 from reference.grouping import partition
 from scanlock.arrays import read_only
 from scanlock.errors import InvalidInput
-from scanlock.kernels.k_means import spread_seeds
+from scanlock.kernels.points.k_means import spread_seeds
 from scanlock.models.k_means import KMeans
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.kernels.cells import cell_table
+from scanlock.kernels.gaussians.cells import cell_table
 from scanlock.models.voxel_gaussians import VoxelGrid
 
 

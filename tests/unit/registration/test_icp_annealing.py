@@ -9,11 +9,11 @@ from reference.samples import street
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.objectives.restraint import FREE
-from scanlock.registration.annealing import AnnealedStart
-from scanlock.registration.icp import Icp
+from scanlock.optimisation.objectives.constraints import FREE
+from scanlock.optimisation.solvers.annealing import Annealing
+from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp_annealing import AnnealedStart
 from scanlock.registration.register import register
-from scanlock.solvers.annealing import Annealing
 
 _PLAIN = Icp()
 _ANNEALED = Icp(annealing=AnnealedStart())

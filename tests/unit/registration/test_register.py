@@ -3,10 +3,10 @@ import pytest
 
 from reference.samples import street, yaw_pose
 from scanlock.errors import InvalidInput
-from scanlock.registration.methods import DEFAULT_METHOD, METHODS
 from scanlock.registration.register import register
-from scanlock.registration.result import Status
-from scanlock.registration.stages import StageClock
+from scanlock.registration.registry import DEFAULT_METHOD, METHODS
+from scanlock.registration.verification.status import Status
+from scanlock.timing import StageClock
 
 
 @pytest.fixture(scope="module")

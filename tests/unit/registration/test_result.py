@@ -8,10 +8,11 @@ import pytest
 
 from reference.samples import yaw_pose
 from scanlock.geometry.pose import Pose
-from scanlock.registration.hold import HeldDirection
-from scanlock.registration.metrics import Metrics
-from scanlock.registration.result import Registration, Status
-from scanlock.solvers.solution import Iteration
+from scanlock.optimisation.solvers.solution import Iteration
+from scanlock.registration.result import Registration
+from scanlock.registration.verification.metrics import Metrics
+from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.status import Status
 
 _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 

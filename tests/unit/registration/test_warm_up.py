@@ -2,26 +2,22 @@ import numba
 import pytest
 
 from reference.samples import street
-from scanlock.kernels import (
-    agreeing_sets,
-    compatibility,
-    d2d,
-    ground,
-    grouping,
-    meeting,
-    moments,
-    p2d,
-    plan_view,
-    polar,
-    probing,
-    range_image,
-    sliding,
-    turned_maps,
-)
-from scanlock.models.segmentation import segment
-from scanlock.registration.methods import METHODS
+from scanlock.kernels.gaussians import d2d, p2d
+from scanlock.kernels.ground import clusters as grouping
+from scanlock.kernels.ground import point_passes as ground
+from scanlock.kernels.points import moments, polar
+from scanlock.kernels.points import neighbourhood_sums as probing
+from scanlock.kernels.search import bev_grid as plan_view
+from scanlock.kernels.search import cliques as agreeing_sets
+from scanlock.kernels.search import compatibility
+from scanlock.kernels.search import rotated_grids as turned_maps
+from scanlock.kernels.verification import overlap as meeting
+from scanlock.kernels.verification import range_image
+from scanlock.kernels.verification import score_profile as sliding
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 from scanlock.registration.warm_up import warm_up
+from scanlock.segmentation.segmentation import segment
 
 _KERNELS = (
     agreeing_sets.grown_sets,

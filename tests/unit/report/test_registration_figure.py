@@ -6,7 +6,7 @@ from matplotlib.colors import to_rgba_array
 
 from reference.samples import street, yaw_pose
 from scanlock import Pose, Registration, Status, segment
-from scanlock.registration.metrics import Metrics
+from scanlock.registration.verification.metrics import Metrics
 from scanlock.report.canvas import ALARM, BLUE, INK, VERMILION, save_figure
 from scanlock.report.registration_figure import registration_figure
 

@@ -8,13 +8,13 @@ from reference import ray_casting as reference
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.simulation.height_field import HeightField
-from scanlock.simulation.mover import Mover
+from scanlock.simulation.objects.mover import Mover
+from scanlock.simulation.objects.shapes import boxes, cones, ellipsoids
+from scanlock.simulation.objects.surface_class import SurfaceClass
+from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scan import simulate_scan
+from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.sensors import Sensor
-from scanlock.simulation.shapes import boxes, cones, ellipsoids
-from scanlock.simulation.surface_class import SurfaceClass
-from scanlock.simulation.surfaces import Surfaces
 from scanlock.simulation.world import World
 
 _KINDS = ["box", "cone", "ellipsoid", "disc", "triangle"]

@@ -1,0 +1,254 @@
+"""``scanlock compare``: methods side by side on scans of one's own."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Group, Parameter
+
+from scanlock.cli.option_types import Flag, MethodName
+from scanlock.cli.scan_input import Reading
+from scanlock.errors import InvalidInput, require_count
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from scanlock.experiments.comparison import Compared
+    from scanlock.experiments.pairwise import Limits
+    from scanlock.experiments.series import ScanSeries
+    from scanlock.pipelines.starts import AroundTruth
+    from scanlock.pipelines.study import StudyPair
+    from scanlock.registration.methods.protocol import Method
+
+_TRUTH = Group("What is taken for true", sort_key=2)
+_STARTS = Group("Starts about the true pose", sort_key=3)
+
+_SEVERAL = Parameter(consume_multiple=True, negative="")
+"""An option that takes as many values as follow it."""
+
+_Numbers = Annotated[tuple[float, ...], _SEVERAL]
+
+_DISTANCES, _ANGLES = (0.0, 1.0, 2.0, 4.0, 8.0), (0.0, 10.0, 20.0, 40.0)
+
+
+@Parameter(name="*", group=_TRUTH)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Truth:
+    """Where true poses come from."""
+
+    poses: Annotated[
+        Path | None, Parameter(help="world_from_sensor of every scan, KITTI or TUM format.")
+    ] = None
+    """Trajectory file, in place of the folder's own poses."""
+
+    truth: Annotated[
+        Path | None, Parameter(help="Pose of the second of two scans in the first (4x4 matrix).")
+    ] = None
+    """Pose file."""
+
+    agree: Annotated[
+        Flag, Parameter(help="Judge by the pose that most methods agree upon where no other is.")
+    ] = False
+    """Whether agreement counts as truth."""
+
+    metres: Annotated[
+        float, Parameter(help="A pair within so much of the true pose is solved.")
+    ] = 0.3
+    """Translation limit [m]."""
+
+    degrees: Annotated[float, Parameter(help="The same of the rotation.")] = 1.0
+    """Rotation limit [deg]."""
+
+
+@Parameter(name="*", group=_STARTS)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Starts:
+    """How wrong the starts are whose successes make the basin of convergence."""
+
+    starts: Annotated[
+        int | None, Parameter(help="Starts with every two errors below: 1 where there is a truth.")
+    ] = None
+    """Repeats of every cell; 1 where there is a truth."""
+
+    distances: Annotated[_Numbers, Parameter(help="Errors of translation [m].")] = _DISTANCES
+    """Rows of the basin [m]."""
+
+    angles: Annotated[_Numbers, Parameter(help="Errors of rotation [deg].")] = _ANGLES
+    """Columns of the basin [deg]."""
+
+    axis: Annotated[
+        Literal["vertical", "random"], Parameter(help="Turned about the vertical, or any axis.")
+    ] = "vertical"
+    """How starts err."""
+
+    seed: Annotated[int, Parameter(help="Decides the directions of the errors.")] = 0
+    """Any whole number from 0."""
+
+    def plan(self, *, has_truth: bool) -> "AroundTruth | None":
+        """Return the starts, or None for none."""
+        from scanlock.pipelines.starts import AroundTruth
+
+        repeats = self.starts if self.starts is not None else int(has_truth)
+        require_count("--starts", repeats, 0)
+        if repeats and not has_truth:
+            raise InvalidInput(
+                "--starts need true poses to start about; give --poses, --truth or --agree"
+            )
+        if not repeats:
+            return None
+        return AroundTruth(
+            distances=self.distances,
+            angles=tuple(math.radians(angle) for angle in self.angles),
+            repeats=repeats,
+            axis=self.axis,
+            seed=self.seed,
+        )
+
+
+def compare(
+    *scans: Path,
+    methods: Annotated[tuple[MethodName, ...] | None, _SEVERAL] = None,
+    settings: Annotated[tuple[Path, ...], _SEVERAL, Parameter(show_default=False)] = (),
+    output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-compare"),
+    every: int = 1,
+    apart: int = 1,
+    pairs: int | None = None,
+    truth: Truth | None = None,
+    starts: Starts | None = None,
+    reading: Reading | None = None,
+) -> None:
+    """Register pairs of scans by several methods, and count how far from the truth they may start.
+
+    An interrupted run goes on where it was when it is started again with the same folder.
+
+    Parameters
+    ----------
+    scans : Path
+        Two scan files or more, each registered to the one before; or one folder of scans.
+    methods : str
+        How to register; by every method by default.
+    settings : Path
+        Further methods with settings of your own: TOML as scanlock settings prints it.
+    output : Path
+        Folder for tables, pictures and records.
+    every : int
+        Of a folder, take every k-th scan.
+    apart : int
+        Register each scan to the one so many before.
+    pairs : int
+        Take so many pairs at most, spread over all.
+    """
+    from scanlock.cli.compile_notice import compile_watch
+    from scanlock.cli.console import print_line, print_title
+    from scanlock.cli.method_table import show_errors
+    from scanlock.cli.progress import progress
+    from scanlock.experiments.comparison import Comparison, comparison_findings
+    from scanlock.experiments.comparison import compare as compared_by
+    from scanlock.experiments.page import described, truth_sentence, write_findings
+    from scanlock.experiments.pairwise import Limits
+    from scanlock.report.canvas import require_figures
+
+    require_figures()
+    for name, count in (("--every", every), ("--apart", apart), ("--pairs", pairs)):
+        require_count(name, 1 if count is None else count)
+    believed, begun = truth or Truth(), starts or Starts()
+    limits = Limits(metres=believed.metres, degrees=believed.degrees)
+    series = _series(scans, every, believed, reading or Reading())
+    chosen = _chosen(series, apart, pairs, believed)
+    has_truth = believed.agree or any(pair.truth is not None for pair in chosen)
+    comparison = Comparison(
+        methods=_methods(methods, settings),
+        pairs=chosen,
+        load=series.load,
+        key=series.key,
+        around=begun.plan(has_truth=has_truth),
+        take_agreed=believed.agree,
+        limits=limits,
+    )
+    output.mkdir(parents=True, exist_ok=True)
+    with compile_watch():
+        done = compared_by(comparison, output / "records.jsonl", progress)
+    count = f"{len(chosen)} pair{'s' if len(chosen) > 1 else ''}"
+    print_title(f"{series.title}: {count}")
+    show_errors(done.direct, limits)
+    if comparison.around is not None:
+        _show_basins(done, comparison.around, limits)
+    findings = comparison_findings(comparison, done, series)
+    intro = f"{described(series)}, {count}. {truth_sentence(series)}"
+    page = write_findings(output, "Comparison of methods", intro, comparison.methods, findings)
+    print_line(f"wrote {page} and all that it leads to")
+
+
+def _methods(
+    names: "Sequence[MethodName] | None", settings: "Sequence[Path]"
+) -> "dict[str, Method[Any]]":
+    from scanlock.registration.registry import METHODS
+    from scanlock.registration.settings.file import read_settings
+
+    found: dict[str, Method[Any]] = {name: METHODS[name] for name in names or METHODS}
+    for path in settings:
+        if path.stem in found:
+            raise InvalidInput(f"two methods would be called {path.stem}; rename {path.name}")
+        found[path.stem] = read_settings(path)
+    return found
+
+
+def _series(scans: "Sequence[Path]", every: int, believed: Truth, reading: Reading) -> "ScanSeries":
+    import numpy as np
+
+    from scanlock.experiments.series import recorded_series, series_of
+    from scanlock.io.sequences import ScanSequence, read_trajectory
+
+    if len(scans) == 1 and scans[0].is_dir():
+        return recorded_series(scans[0], every=every, poses=believed.poses)
+    if len(scans) < 2:
+        raise InvalidInput("name two scan files or more, or one folder of scans")
+    poses = () if believed.poses is None else tuple(read_trajectory(believed.poses)[1])
+    if len(poses) not in (0, len(scans)):
+        raise InvalidInput(
+            f"--poses must hold one for each of {len(scans)} scans, got {len(poses)}"
+        )
+    files = ScanSequence(
+        "scan files",
+        tuple(scans),
+        np.arange(len(scans), dtype=np.float64),
+        poses,
+        lambda path: reading.load(path).returns,
+    )
+    names = " ".join(path.name for path in scans)
+    variant = f"{reading.format} {reading.columns}"
+    return series_of(files, title=f"{len(scans)} scan files", origin=names, variant=variant)
+
+
+def _chosen(
+    series: "ScanSeries", apart: int, most: int | None, believed: Truth
+) -> "list[StudyPair]":
+    from scanlock.io import read_pose
+
+    pairs = series.pairs(apart)
+    if believed.truth is not None:
+        if len(pairs) != 1 or believed.poses is not None:
+            raise InvalidInput("--truth is the pose of one pair; give --poses for more scans")
+        return [replace(pairs[0], truth=read_pose(believed.truth))]
+    if most is None or most >= len(pairs):
+        return pairs
+    return [pairs[row * len(pairs) // most] for row in range(most)]
+
+
+def _show_basins(done: "Compared", plan: "AroundTruth", limits: "Limits") -> None:
+    from scanlock.cli.console import print_table, print_title
+    from scanlock.experiments.comparison import basins
+
+    heads = ["wrong by", *(f"{math.degrees(angle):g} deg" for angle in plan.angles)]
+    for name, basin in basins(done, plan, limits).items():
+        print_title(f"{name}: starts that are solved")
+        print_table(
+            heads,
+            [
+                [f"{distance:g} m", *(f"{n} / {of}" for n, of in zip(solved, tried, strict=True))]
+                for distance, solved, tried in zip(
+                    plan.distances, basin.solved, basin.tried, strict=True
+                )
+            ],
+        )

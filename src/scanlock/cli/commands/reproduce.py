@@ -1,0 +1,108 @@
+"""``scanlock reproduce``: an experiment of a paper, our numbers beside its own."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from scanlock.errors import InvalidInput, require_count
+
+if TYPE_CHECKING:
+    from scanlock.experiments.experiment import Experiment, Findings
+    from scanlock.experiments.series import ScanSeries
+
+ExperimentName = Literal["urban", "forest", "ladar"]
+
+_MARKS = {True: "holds", False: "does not hold", None: "cannot be told"}
+
+
+def reproduce(
+    experiment: ExperimentName,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    scans: int | None = None,
+    seed: int = 1,
+    data: Path | None = None,
+    poses: Path | None = None,
+) -> None:
+    """Run an experiment of the papers and write a page of what came out beside what they print.
+
+    An interrupted run goes on where it was when it is started again with the same folder.
+
+    Parameters
+    ----------
+    experiment : str
+        The city or the forest of Das, Servos and Waslander 2013 (sections VIII-A and VIII-B), or
+        the range images of Madhavan and Messina 2003 (section 3).
+    output : Path
+        Folder for the page, tables, figures, trajectories and maps; by default
+        scanlock-EXPERIMENT.
+    scans : int
+        How many scans to register, or at how many places for ladar; by default as many as make
+        a good comparison.
+    seed : int
+        Decides the simulated scans; any whole number from 0.
+    data : Path
+        Folder of recorded scans to take instead: KITTI, Ford Campus, or any other.
+    poses : Path
+        True poses of all scans in that folder (KITTI or TUM), in place of its own.
+    """
+    from scanlock.cli.compile_notice import compile_watch
+    from scanlock.cli.console import print_line, print_table, print_title, waiting
+    from scanlock.cli.method_table import show_errors
+    from scanlock.cli.progress import progress
+    from scanlock.experiments.pairwise import SOLVED
+    from scanlock.experiments.reproduce import EXPERIMENTS
+    from scanlock.experiments.reproduce import reproduce as reproduced
+    from scanlock.report.canvas import require_figures
+
+    require_figures()
+    require_count("--seed", seed, 0)
+    if scans is not None:
+        require_count("--scans", scans, 2)
+    chosen = EXPERIMENTS[experiment]
+    folder = output or Path(f"scanlock-{experiment}")
+    with compile_watch():
+        with waiting("making ready"):
+            series = _series(chosen, scans, seed, data, poses)
+        done = reproduced(chosen, series, folder, progress)
+    print_title(f"{chosen.title}: {series.title}")
+    headline = done.findings.headline
+    if headline is not None:
+        print_table(headline.heads, headline.texts())
+    else:
+        voxels = {name: len(points) for name, points in done.findings.maps.items()}
+        show_errors(done.outcome.records, SOLVED, voxels=voxels)
+    _show_claims(done.findings)
+    print_line(f"wrote {done.page} and all that it leads to")
+
+
+def _series(
+    experiment: "Experiment", scans: int | None, seed: int, data: Path | None, poses: Path | None
+) -> "ScanSeries":
+    from scanlock.experiments.series import recorded_series
+
+    if data is not None:
+        if experiment.every is None:
+            raise InvalidInput(
+                f"--data {data} cannot be taken: {experiment.name} needs range images, which are "
+                "simulated; leave --data out"
+            )
+        return recorded_series(data, every=experiment.every, scans=scans, poses=poses)
+    if poses is not None:
+        raise InvalidInput("--poses belongs to --data; simulated scans have exact poses")
+    return experiment.simulated(scans or experiment.scans, seed)
+
+
+def _show_claims(findings: "Findings") -> None:
+    from scanlock.cli.console import Facts, print_facts, print_title
+
+    facts: Facts = [
+        (_MARKS[claim.holds], f"{claim.says} ({claim.because})")
+        for section in findings.sections
+        for claim in section.claims
+    ]
+    if facts:
+        print_title("what the paper concludes, and whether it does here")
+        print_facts(facts)

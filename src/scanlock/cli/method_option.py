@@ -1,0 +1,28 @@
+"""The method of a command: by its name, or with settings from a file."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scanlock.cli.option_types import MethodName
+from scanlock.errors import InvalidInput
+
+if TYPE_CHECKING:
+    from scanlock.registration.methods.protocol import Method
+
+
+def chosen_method(name: MethodName | None, settings: Path | None) -> "str | Method[Any]":
+    """Return the default method, the one of this name, or the one that a file of settings holds.
+
+    Raises
+    ------
+    InvalidInput
+        Both are given.
+    """
+    from scanlock.registration.registry import DEFAULT_METHOD
+    from scanlock.registration.settings.file import read_settings
+
+    if settings is None:
+        return name or DEFAULT_METHOD
+    if name is not None:
+        raise InvalidInput("give either --method or --settings: the settings name their method")
+    return read_settings(settings)

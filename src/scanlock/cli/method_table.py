@@ -1,0 +1,55 @@
+"""Methods side by side on the screen, with the times that files leave out."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
+from typing import TYPE_CHECKING
+
+from scanlock.cli.console import print_table
+
+if TYPE_CHECKING:
+    from scanlock.experiments.pairwise import Limits
+    from scanlock.pipelines.study import StudyRecord
+
+
+def show_errors(
+    records: "Mapping[str, Sequence[StudyRecord]]",
+    limits: "Limits",
+    *,
+    voxels: Mapping[str, int] | None = None,
+) -> None:
+    """Print a row a method: how many pairs it solved, how near, how crisp, and how fast.
+
+    Parameters
+    ----------
+    records : mapping of str to sequence of StudyRecord
+        By method.
+    limits : Limits
+        What counts as solved.
+    voxels : mapping of str to int, optional
+        Filled voxels of the map of each method.
+    """
+    heads = ["method", "called ok", "solved", "median [m]", "median [deg]", "ms a pair"]
+    rows = [[name, *_row(found, limits)] for name, found in records.items()]
+    if voxels is not None:
+        heads.insert(-1, "voxels")
+        for row in rows:
+            row.insert(-1, f"{voxels[row[0]]:,}" if row[0] in voxels else "-")
+    print_table(heads, rows)
+
+
+def _row(records: "Sequence[StudyRecord]", limits: "Limits") -> list[str]:
+    judged = [record for record in records if not math.isnan(record.translation_error)]
+    solved = sum(limits.hold(record) for record in judged)
+    return [
+        f"{sum(record.ok for record in records)} / {len(records)}",
+        f"{solved} / {len(judged)}" if judged else "-",
+        _median((record.translation_error for record in judged), ".3f"),
+        _median((math.degrees(record.rotation_error) for record in judged), ".3f"),
+        _median((1e3 * record.seconds for record in records), ".0f"),
+    ]
+
+
+def _median(values: Iterable[float], form: str) -> str:
+    kept = [value for value in values if not math.isnan(value)]
+    return format(median(kept), form) if kept else "-"

@@ -1,0 +1,1 @@
+"""The ladar experiment of Madhavan and Messina 2003."""

@@ -1,0 +1,211 @@
+"""NumPy's own files: one array (.npy), or several by name (.npz)."""
+
+import io
+import math
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from tokenize import TokenError
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.errors import FormatError, InvalidInput
+from scanlock.io.columns import find_coordinates, numbered_names
+from scanlock.io.errors import malformed
+from scanlock.io.scan_file import ScanFile, scan_from_columns
+
+_ZIP_ERRORS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    LookupError,
+    OSError,
+    RuntimeError,
+    ValueError,
+)
+"""What the standard library raises on damaged archives, by experiment."""
+
+_POINT_KEYS = ("points", "xyz", "arr_0")
+"""Where .npz files keep their points, first choice first."""
+
+
+def read_npy(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+    """Read a plain (n, 3+) array, or a structured one with x, y and z."""
+    array = array_from_npy(path, data)
+    names, parts = _split(path, array, columns)
+    return scan_from_columns(path, names, parts, format="npy", encoding="binary")
+
+
+def read_npz(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+    """Read the arrays x, y, z, or one of points, xyz and arr_0; the rest become fields.
+
+    Arrays that do not belong to the points row by row are left out, and said to be.
+    """
+    names, parts = _named_arrays(path, data, columns)
+    first = (find_coordinates(names) or (0,))[0]
+    count = len(parts[first]) if parts[first].ndim else 0
+    fitting = [part.ndim in (1, 2) and len(part) == count for part in parts]
+    return scan_from_columns(
+        path,
+        [name for name, fits in zip(names, fitting, strict=True) if fits],
+        [part for part, fits in zip(parts, fitting, strict=True) if fits],
+        format="npz",
+        encoding="binary",
+        notes=tuple(
+            f"array {name} of shape {part.shape} left out: it has no row for each point"
+            for name, part, fits in zip(names, parts, fitting, strict=True)
+            if not fits
+        ),
+    )
+
+
+def write_npy(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
+    """Write (n, 3) points, or with fields one structured array that names every column."""
+    points = scan.points.astype(scan.coordinate_dtype)
+    if not scan.fields:
+        np.lib.format.write_array(handle, points, allow_pickle=False)
+        return
+    layout: list[Any] = [(axis, points.dtype) for axis in "xyz"]
+    layout += [(name, values.dtype, values.shape[1:]) for name, values in scan.fields.items()]
+    table = np.empty(len(points), dtype=layout)
+    for k, axis in enumerate("xyz"):
+        table[axis] = points[:, k]
+    for name, values in scan.fields.items():
+        table[name] = values
+    np.lib.format.write_array(handle, table, allow_pickle=False)
+
+
+def write_npz(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
+    """Write an array ``points`` and one array a field."""
+    taken = sorted({"points", "file", "allow_pickle"} & set(scan.fields))
+    if taken:
+        raise InvalidInput(f"{path}: .npz cannot hold a field named {taken[0]}; rename it")
+    arrays: dict[str, Any] = {"points": scan.points.astype(scan.coordinate_dtype), **scan.fields}
+    save = np.savez_compressed if encoding == "compressed" else np.savez
+    save(handle, **arrays)
+
+
+def array_from_npy(path: Path, data: bytes) -> NDArray[Any]:
+    """Return the array of the bytes of an .npy file; never unpickles.
+
+    Raises
+    ------
+    FormatError
+        A broken header, Python objects, or more or fewer bytes than the header announces.
+    """
+    stream = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(stream)
+        read_header = (
+            np.lib.format.read_array_header_1_0
+            if version == (1, 0)
+            else np.lib.format.read_array_header_2_0
+        )
+        # Headers of old or damaged files may make NumPy warn about them.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            shape, fortran_order, dtype = read_header(stream)
+    # NumPy reads the header as Python text, and fails in as many ways as Python does.
+    except (ValueError, SyntaxError, TypeError, MemoryError, TokenError) as error:
+        raise FormatError(
+            f"{path}: byte 0: expected the header of a NumPy array, found a broken one ({error}); "
+            "the file is cut short or damaged: save it again with numpy.save"
+        ) from error
+    if dtype.hasobject or dtype.itemsize == 0 or min(shape, default=0) < 0:
+        raise malformed(
+            path,
+            "header",
+            expected="an array of numbers",
+            found=f"{dtype} of shape {shape}",
+            remedy="save it as a plain float array",
+        )
+    offset = stream.tell()
+    expected = math.prod(shape) * dtype.itemsize
+    if len(data) - offset != expected:
+        raise malformed(
+            path,
+            f"byte {offset}",
+            expected=f"{expected} bytes for {dtype} of shape {shape}",
+            found=f"{len(data) - offset}",
+            remedy="the file is cut short or damaged; copy or save it again",
+        )
+    if expected == 0:
+        return np.empty(shape, dtype)
+    array = np.frombuffer(data, dtype=dtype, count=math.prod(shape), offset=offset)
+    return array.reshape(shape, order="F" if fortran_order else "C")
+
+
+def _named_arrays(
+    path: Path, data: bytes, columns: tuple[str, ...] | int | None
+) -> tuple[list[str], list[NDArray[Any]]]:
+    arrays = _members(path, data)
+    if find_coordinates(list(arrays)) is not None:
+        return list(arrays), list(arrays.values())
+    key = next((key for key in _POINT_KEYS if key in arrays), None)
+    if key is None and len(arrays) == 1:
+        key = next(iter(arrays))
+    if key is None:
+        raise malformed(
+            path,
+            "contents",
+            expected=f"arrays x, y, z, or one named {' or '.join(_POINT_KEYS)}",
+            found=", ".join(arrays) or "none",
+            remedy="save it again under one of these names",
+        )
+    names, parts = _split(path, arrays.pop(key), columns)
+    return [*names, *arrays], [*parts, *arrays.values()]
+
+
+def _members(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            return {
+                name.removesuffix(".npy"): array_from_npy(path, archive.read(name))
+                for name in archive.namelist()
+            }
+    except FormatError:
+        raise
+    except _ZIP_ERRORS as error:
+        raise FormatError(
+            f"{path}: expected a zip archive of NumPy arrays, found a broken one ({error}); the "
+            "file is cut short or damaged: save it again with numpy.savez"
+        ) from error
+
+
+def _split(
+    path: Path, array: NDArray[Any], columns: tuple[str, ...] | int | None
+) -> tuple[list[str], list[NDArray[Any]]]:
+    if array.dtype.names is not None:
+        if array.ndim != 1 or columns is not None:
+            raise malformed(
+                path,
+                "header",
+                expected="a one-dimensional table, whose columns need no columns=",
+                found=f"shape {array.shape}, columns={columns}",
+                remedy="save it flat, and leave columns out",
+            )
+        return list(array.dtype.names), [array[name] for name in array.dtype.names]
+    if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
+        raise malformed(
+            path,
+            "header",
+            expected="real numbers of shape (n, 3) or wider",
+            found=f"{array.dtype} of shape {array.shape}",
+            remedy="save one row a point",
+        )
+    asked = len(columns) if isinstance(columns, tuple) else columns
+    if asked is not None and asked != array.shape[1]:
+        raise malformed(
+            path,
+            "header",
+            expected=f"{asked} columns, as asked for",
+            found=f"{array.shape[1]}",
+            remedy="name every column",
+        )
+    names = columns if isinstance(columns, tuple) else numbered_names(array.shape[1])
+    return list(names), list(array.T)

@@ -1,0 +1,1 @@
+"""Kernels on Gaussians: NDT and G-ICP scores with derivatives."""

@@ -1,0 +1,1 @@
+"""Kernels of ground segmentation and clustering."""

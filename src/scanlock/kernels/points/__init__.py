@@ -1,0 +1,1 @@
+"""Kernels on points: search trees, voxels, neighbourhoods."""

@@ -1,0 +1,1 @@
+"""Optimisation over poses: solvers and the objectives that they minimise."""

@@ -1,0 +1,94 @@
+"""The scores of NDT over the cells near a point: P2D of Biber, Magnusson and the libraries."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Literal, get_args
+
+import numpy as np
+
+from scanlock.arrays import Labels, Points, Vector, read_only
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.gaussians.cells import cell_terms, trilinear_terms
+from scanlock.models.voxel_gaussians import VoxelGaussians
+from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
+from scanlock.optimisation.solvers.problem import (
+    Curvature,
+    Quadratic,
+    QuadraticShares,
+    shares_of_rows,
+)
+
+CellMeeting = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
+"""Which cells of the target a point of the source meets.
+
+``"own-cell"`` the one that it lies in (Biber and Strasser 2003; Das et al. 2013 describe NDT so),
+``"seven-cells"`` that and those that share a face with it, ``"near-cells"`` those whose mean lies
+within one width (the Point Cloud Library), ``"trilinear"`` the 8 whose middles surround it, with
+weights that fall to 0 as a cell drops out (Magnusson et al. 2007). Only the last is continuous,
+and its slope still jumps.
+"""
+
+CELL_MEETINGS: tuple[CellMeeting, ...] = get_args(CellMeeting)
+"""All of them."""
+
+_AROUND = np.indices((3, 3, 3)).reshape(3, 27).T - 1
+
+_OFFSETS: dict[str, Labels] = {
+    "own-cell": read_only(np.zeros((1, 3), np.int64)),
+    "seven-cells": read_only(_AROUND[np.abs(_AROUND).sum(axis=1) <= 1].astype(np.int64)),
+    "near-cells": read_only(_AROUND.astype(np.int64)),
+}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class PointsToCells:
+    """P2D: every point of the source against the Gaussians of the cells around it.
+
+    The value is minus the mean over the points of the sum of ``rho`` over the cells that a point
+    meets. It jumps where a point changes its cells, and is twice differentiable in between.
+    """
+
+    target: VoxelGaussians
+    points: Points
+    meeting: CellMeeting = "own-cell"
+    shape: ScoreShape = field(default_factory=ScoreShape)
+    curvature: Curvature = "exact"
+
+    def __post_init__(self) -> None:
+        if self.meeting not in CELL_MEETINGS:
+            raise InvalidInput(
+                f"meeting must be one of {', '.join(CELL_MEETINGS)}, got {self.meeting!r}"
+            )
+
+    @property
+    def count(self) -> int:
+        """The points of the source."""
+        return len(self.points)
+
+    @property
+    def places(self) -> Points:
+        """The points of the source."""
+        return self.points
+
+    def linearise(self, pose: Pose) -> Quadratic:
+        """Return value, gradient and Hessian at `pose`."""
+        return Quadratic.from_terms(self._terms(pose, self.points))
+
+    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+        """Return what the points of each unit add to gradient and Hessian at `pose`."""
+        return shares_of_rows(units, [self.points], partial(self._terms, pose))
+
+    def _terms(self, pose: Pose, points: Points) -> Vector:
+        target = self.target
+        gaussians = target.gaussians
+        grid = target.table, target.cells, target.corner, target.width
+        given = points, gaussians.means, gaussians.packed_precisions, *grid
+        exact = float(self.curvature == "exact")
+        rest = pose.rotation, pose.translation, *self.shape.parameters, exact
+        if self.meeting == "trilinear":
+            terms = trilinear_terms(*given, *rest)
+        else:
+            reach = target.width if self.meeting == "near-cells" else np.inf
+            terms = cell_terms(*given, _OFFSETS[self.meeting], float(reach), *rest)
+        return self.shape.height / len(self.points) * terms

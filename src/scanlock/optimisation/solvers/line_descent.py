@@ -1,0 +1,166 @@
+"""Descent along directions, each as far as a line search says.
+
+A step moves along the curve ``y -> exp(a phi) y + a rho`` of `Pose.retract`, whose slope at ``a``
+is ``g . (rho - a phi x rho, phi)`` with the gradient ``g`` there.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Vector
+from scanlock.errors import require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import inverse_left_jacobian
+from scanlock.optimisation.solvers.line_search import Along, Armijo, StrongWolfe
+from scanlock.optimisation.solvers.more_thuente import MoreThuente
+from scanlock.optimisation.solvers.problem import Objective
+from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+
+LineSearch = Armijo | StrongWolfe | MoreThuente
+"""Settings that choose the length of a step."""
+
+
+class Directions(Protocol):
+    """Where to go next, in units of metres at the lever arm; may learn from the steps taken."""
+
+    def direction(self, gradient: Vector, hessian: Matrix) -> Vector:
+        """Return a (6,) direction of descent, as long as the first step to try along it."""
+        ...
+
+    def learn(self, step: Vector, change: Vector) -> None:
+        """Take note of a (6,) step and of how the gradient changed over it."""
+        ...
+
+    def forget(self) -> bool:
+        """Forget what was learnt, and tell whether there was anything."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LineDescent:
+    """Settings that every descent by line search shares."""
+
+    stopping: Stopping
+    """Tolerances and the limit of evaluations."""
+
+    line_search: LineSearch
+    """Chooses the length of each step."""
+
+    lever: float
+    """Distance at which a rotation counts as a translation [m]."""
+
+    longest_step: float
+    """Longest step [m, rotations at the lever arm]."""
+
+    def __post_init__(self) -> None:
+        require_positive("lever", self.lever, unit="m")
+        require_positive("longest_step", self.longest_step, unit="m")
+
+    def minimise(self, objective: Objective, start: Pose, directions: Directions) -> Solution:
+        """Return the best pose found from `start`, with every evaluation on the way."""
+        walk = _Walk(objective, start, self.lever)
+        if walk.is_void:
+            return walk.solution(StopReason.NO_SUPPORT)
+        while (left := self.stopping.iterations - len(walk.history)) > 0:
+            gradient = walk.gradient
+            if float(np.linalg.norm(gradient)) < self.stopping.gradient:
+                return walk.solution(StopReason.GRADIENT_SMALL)
+            direction = directions.direction(gradient, walk.hessian)
+            norm = float(np.linalg.norm(direction))
+            if norm < self.stopping.step:
+                return walk.solution(StopReason.STEP_SMALL)
+            search = replace(self.line_search, trials=min(left, self.line_search.trials))
+            found = search.search(walk.along(direction), 1.0, self.longest_step / norm)
+            length = found.point.length
+            if length * norm < self.stopping.step:
+                # What was learnt may mislead here: begin anew before giving up.
+                if len(walk.history) < self.stopping.iterations and not directions.forget():
+                    return walk.solution(StopReason.STEP_SMALL)
+                continue
+            directions.learn(length * direction, walk.moved(length * direction) - gradient)
+        return walk.solution(StopReason.ITERATION_LIMIT)
+
+
+class _Walk:
+    """Where the solver stands and every evaluation on the way there, in scaled units."""
+
+    def __init__(self, objective: Objective, start: Pose, lever: float) -> None:
+        self._objective = objective
+        self._scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+        self._index = 0
+        self._quadratics = [objective.linearise(start)]
+        self._trials: dict[bytes, int] = {}
+        value, norm = self._quadratics[0].value, float(np.linalg.norm(self.gradient))
+        self.history = [Iteration(value, norm, 0.0, True, start)]
+
+    @property
+    def gradient(self) -> Vector:
+        return self._quadratics[self._index].gradient / self._scale
+
+    @property
+    def hessian(self) -> Matrix:
+        return self._quadratics[self._index].hessian / np.outer(self._scale, self._scale)
+
+    @property
+    def is_void(self) -> bool:
+        at = self._quadratics[0]
+        return at.value == 0.0 and not at.gradient.any() and not at.hessian.any()
+
+    def along(self, direction: Vector) -> Along:
+        """Return the function that a line search sees."""
+
+        def value_and_slope(length: float) -> tuple[float, float]:
+            at = self._quadratics[self._tried(length * direction)]
+            rho, phi = direction[:3], direction[3:] / self._scale[3]
+            turned = np.concatenate([rho - length * np.cross(phi, rho), phi])
+            return at.value, float(at.gradient @ turned)
+
+        return value_and_slope
+
+    def moved(self, step: Vector) -> Vector:
+        """Stand at a step that was tried; return the gradient there, over steps from before."""
+        self._index = self._tried(step)
+        self.history[self._index] = replace(self.history[self._index], accepted=True)
+        self._trials.clear()
+        rho, phi = step[:3], step[3:] / self._scale[3]
+        gradient = self._quadratics[self._index].gradient
+        # A change d of phi turns by J d more about the place that rho has shifted zero to.
+        turned = np.linalg.inv(inverse_left_jacobian(phi)).T @ (
+            gradient[3:] - np.cross(rho, gradient[:3])
+        )
+        # A locked direction has no slope at all, and must not get one from the others.
+        turned[gradient[3:] == 0.0] = 0.0
+        return np.concatenate([gradient[:3], turned]) / self._scale
+
+    def solution(self, reason: StopReason) -> Solution:
+        """Return the best pose seen, at the end of a path that leads there."""
+        values = [entry.value for entry in self.history]
+        best = int(np.nanargmin(values))
+        if values[best] >= values[self._index] - _ROUNDING * abs(values[self._index]):
+            best = self._index
+        history = [
+            replace(entry, accepted=index == best) if index >= best else entry
+            for index, entry in enumerate(self.history)
+        ]
+        return Solution(history[best].pose, self._quadratics[best], reason, tuple(history))
+
+    def _tried(self, step: Vector) -> int:
+        """Return the index of the evaluation at a step from where the solver stands."""
+        if not step.any():
+            return self._index
+        key = step.tobytes()
+        if key not in self._trials:
+            pose = self.history[self._index].pose.retract(step / self._scale)
+            at = self._objective.linearise(pose)
+            self._trials[key] = len(self.history)
+            self._quadratics.append(at)
+            norm = float(np.linalg.norm(at.gradient / self._scale))
+            self.history.append(Iteration(at.value, norm, float(np.linalg.norm(step)), False, pose))
+        return self._trials[key]
+
+
+_ROUNDING = 1e-12
+"""Values that differ by less, relative to their size, are alike."""

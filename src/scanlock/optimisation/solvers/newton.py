@@ -1,0 +1,142 @@
+"""Newton's method on poses, with the Hessian repaired and every step inside a trust region.
+
+Algorithm 1 of Das et al. 2013 steps by ``p + H^-1 g``: the minus sign is missing, and where the
+Hessian is indefinite (most of the domain, away from the optimum) even the right sign need not
+descend. Here the Hessian's eigenvalues are replaced by their magnitudes, so each direction is
+one of descent, and a radius that follows how well the quadratic predicted limits the step.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Vector
+from scanlock.errors import require_at_least, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
+from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+
+_LEAST_CURVATURE = 1e-3
+"""Eigenvalues are raised to this share of the largest: flat directions stay bounded."""
+
+_ACCEPTED_GAIN = 1e-4
+"""Share of the predicted decrease that a step must bring (Armijo's usual constant)."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Newton:
+    """Settings of the trust-region Newton solver."""
+
+    stopping: Stopping = field(default_factory=lambda: Stopping(step=3e-4))
+    """Tolerances and the iteration limit. The last step is taken: what is left after one of less
+    than 0.3 mm is its square, a thousandth of that."""
+
+    lever: float = 20.0
+    """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
+
+    first_radius: float = 5.0
+    """Largest first step [m, rotations at the lever arm]."""
+
+    largest_radius: float = 10.0
+    """Largest step ever [m, rotations at the lever arm]."""
+
+    def __post_init__(self) -> None:
+        require_positive("lever", self.lever, unit="m")
+        require_positive("first_radius", self.first_radius, unit="m")
+        require_positive("largest_radius", self.largest_radius, unit="m")
+        require_at_least("largest_radius", self.largest_radius, self.first_radius, unit="m")
+
+    @property
+    def curvature(self) -> Curvature:
+        """The Hessian that the solver wants of an objective."""
+        return "exact"
+
+    def minimise(self, objective: Objective, start: Pose) -> Solution:
+        """Return the best pose found from `start`, with every evaluation on the way.
+
+        A last step below the tolerance is taken and not evaluated: near the minimum the next one
+        would be its square.
+
+        Rotations of a step are about zero of the target's frame, so coordinates should lie
+        around it, within a few lever arms.
+        """
+        scale = np.array([1.0, 1.0, 1.0, self.lever, self.lever, self.lever])
+        squares = np.outer(scale, scale)
+        pose, radius = start, self.first_radius
+        quadratic = objective.linearise(pose)
+        history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
+        if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
+            return Solution(pose, quadratic, StopReason.NO_SUPPORT, tuple(history))
+
+        while len(history) < self.stopping.iterations:
+            gradient = quadratic.gradient / scale
+            if _length(gradient) < self.stopping.gradient:
+                return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
+            step, predicted = trust_step(gradient, quadratic.hessian / squares, radius)
+            step_norm = _length(step)
+            if step_norm < self.stopping.step:
+                # A step cut short tells nothing of where the minimum is.
+                if step_norm < 0.99 * radius:
+                    pose, quadratic = pose.retract(step / scale), quadratic.after(step / scale)
+                return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
+
+            tried_pose = pose.retract(step / scale)
+            tried = objective.linearise(tried_pose)
+            gain = (quadratic.value - tried.value) / predicted
+            accepted = gain > _ACCEPTED_GAIN
+            history.append(
+                Iteration(tried.value, _norm(tried, scale), step_norm, accepted, tried_pose)
+            )
+            radius = self._next_radius(radius, step_norm, gain)
+            if accepted:
+                pose, quadratic = tried_pose, tried
+        return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
+
+    def _next_radius(self, radius: float, step_norm: float, gain: float) -> float:
+        # Put so that a value that is no number shortens the next step too.
+        if not gain >= 0.25:
+            return 0.25 * step_norm
+        if gain > 0.75 and step_norm > 0.8 * radius:
+            return min(2.0 * radius, self.largest_radius)
+        return radius
+
+
+def _norm(quadratic: Quadratic, scale: Vector) -> float:
+    return _length(quadratic.gradient / scale)
+
+
+def _length(vector: Vector) -> float:
+    # For six numbers NumPy's own takes three times as long.
+    return math.sqrt(float(vector @ vector))
+
+
+def trust_step(gradient: Vector, hessian: Matrix, radius: float) -> tuple[Vector, float]:
+    """Return the step within `radius` for the repaired Hessian, and its predicted decrease."""
+    eigenvalues, axes = np.linalg.eigh(hessian)
+    magnitudes = np.abs(eigenvalues)
+    largest = float(magnitudes.max())
+    if largest == 0.0:
+        # A slope without any curvature: step down it to the edge of the region.
+        largest = _length(gradient) / (_LEAST_CURVATURE * radius)
+    curvatures = np.maximum(magnitudes, _LEAST_CURVATURE * largest)
+    along = axes.T @ gradient
+    damping = _damping(along, curvatures, radius)
+    coefficients = -along / (curvatures + damping)
+    # Predicted with the repaired curvatures: they only ever promise less.
+    predicted = -(along @ coefficients + 0.5 * curvatures @ coefficients**2)
+    return axes @ coefficients, float(predicted)
+
+
+def _damping(along: Vector, curvatures: Vector, radius: float) -> float:
+    """Return the least damping that keeps the step within `radius` (Newton on 1/norm)."""
+    damping = 0.0
+    for _ in range(20):
+        shifted = curvatures + damping
+        norm = _length(along / shifted)
+        if norm <= radius * 1.01:
+            break
+        slope = float(np.sum(along**2 / shifted**3)) / norm
+        damping += (norm / radius - 1.0) * norm / slope
+    return damping

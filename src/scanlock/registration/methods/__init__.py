@@ -1,0 +1,1 @@
+"""Registration methods: settings with `prepare` and `align`, one file each."""

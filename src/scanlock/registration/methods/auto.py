@@ -1,0 +1,307 @@
+"""From any starting pose, or none, to millimetres: hypotheses, descents, fine stage, choice."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import require_at_least, require_fraction
+from scanlock.geometry.pose import Pose
+from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.stopping import StopReason
+from scanlock.registration.methods.auto_scan import AutoScan
+from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.multi_start import Descent, Descents
+from scanlock.registration.methods.protocol import Found
+from scanlock.registration.methods.sgc_ndt import SgcNdt
+from scanlock.registration.search.bev_correlation import HeadingSearch
+from scanlock.registration.search.bev_grid import level_pose
+from scanlock.registration.search.cluster_matching import ClusterMatcher
+from scanlock.registration.search.hypothesis import Hypothesis, distinct
+from scanlock.registration.verification.agreement import candidate_at, violation
+from scanlock.registration.verification.candidate import INITIAL, Candidate, plausibility
+from scanlock.registration.verification.features import Evidence, evidence_of
+from scanlock.registration.verification.range_image import RangeImager
+from scanlock.segmentation.ground.result import GroundStatus
+from scanlock.timing import StageClock
+
+_START_APART = 2.0
+"""A start may be this many times as far from where it leads as two ends of one place: 1 m is what
+the fine stage forgives."""
+
+_MOST_IN_DOUBT = 8
+"""Hypotheses of the deeper search that are followed. The violation of a right one of simulated
+forests was a tenth of that of the next, among sixty."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Auto:
+    """Settings of the default method; `prepare` each scan once, `find` or `align` any pair."""
+
+    search: HeadingSearch | None = field(default_factory=HeadingSearch)
+    """Proposes poses from the scans themselves; None leaves it out."""
+
+    deeper: HeadingSearch | None = field(
+        default_factory=lambda: HeadingSearch(openness=0.4, most=60, least_share=0.3)
+    )
+    """Proposes more poses where those leave doubt; free space sorts out the few to follow. None
+    leaves it out. Its viewer is that of `search`."""
+
+    matcher: ClusterMatcher | None = field(default_factory=ClusterMatcher)
+    """Proposes poses from matched clusters, whatever the tilt, where a scan has no ground or doubt
+    is left; None leaves it out."""
+
+    basin: SgcNdt = field(default_factory=SgcNdt)
+    """Descends from an initial pose by its full schedule, which forgives 10 m and 60 degrees."""
+
+    descents: Descents = field(default_factory=Descents)
+    """Descends from the hypotheses."""
+
+    imager: RangeImager | None = field(default_factory=RangeImager)
+    """Says which poses put things where the other scan looked through; None leaves it out."""
+
+    fine: FineStage | None = field(default_factory=FineStage)
+    """Ends what the descents have left; None leaves it out."""
+
+    loyalty: float = 1.2
+    """An initial pose is left for another only if the agreement there is this many times as
+    good: who gives one usually knows."""
+
+    doubt: float = 0.08
+    """With an agreement below this at the end, or much that stands where the other scan looked
+    through, what else can be tried is tried."""
+
+    def __post_init__(self) -> None:
+        require_at_least("loyalty", self.loyalty, 1.0)
+        require_fraction("doubt", self.doubt)
+
+    def prepare(self, cloud: PointCloud) -> AutoScan:
+        """Return what the method keeps of a scan."""
+        clock = StageClock()
+        finder = self.basin.landmarks
+        with clock.stage("ground"):
+            ground = finder.segmenter.ground.find(cloud)
+        basin = [scale.largest_radius for scale in self.basin.schedule.scales]
+        near = [scale.largest_radius for scale in self.descents.scales]
+        radii = sorted({*basin, *near}, reverse=True)
+        found = finder.find_above(cloud, ground, radii)
+        parts = dict(zip(radii, found.gaussians, strict=True))
+        with clock.stage("view"):
+            view = None if self.search is None else self.search.view(cloud, ground)
+            level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
+        with clock.stage("evidence"):
+            evidence = evidence_of(found, self.imager)
+        with clock.stage("cells"):
+            fine = None if self.fine is None else self.fine.prepare(cloud)
+        return AutoScan(
+            cloud,
+            replace(found, gaussians=tuple(parts[radius] for radius in basin)),
+            tuple(parts[radius] for radius in near),
+            view,
+            level,
+            evidence,
+            fine,
+            {**clock.seconds, **found.timings},
+        )
+
+    def align(
+        self, target: AutoScan, source: AutoScan, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, given an initial one."""
+        return self.find(target, source, start, restraint).solution
+
+    def find(
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        initial: Pose | None = None,
+        restraint: Restraint = FREE,
+    ) -> Found:
+        """Return the pose that carries the source onto the target, and what else there was.
+
+        Parameters
+        ----------
+        target, source : AutoScan
+        initial : Pose, optional
+            One hypothesis more, and where locked directions are held; the identity by default.
+        restraint : Restraint
+        """
+        history: tuple[Iteration, ...] = ()
+        rivals: list[tuple[Candidate, Solution]] = []
+        for ends in (self._first_ends, self._further_ends):
+            ended, steps = ends(target, source, initial, restraint)
+            history += steps + tuple(step for one in ended for step in one.solution.history)
+            evidence = target.evidence, source.evidence
+            rivals += [(judged(*evidence, one), one.solution) for one in ended]
+            count = len(source.parts[-1])
+            rivals.sort(key=lambda rival: self._standing(*rival, restraint, count), reverse=True)
+            poses = [candidate.target_from_source for candidate, _ in rivals]
+            rivals = [rivals[row] for row in distinct(poses, *self.descents.apart)]
+            best = rivals[0][0] if rivals else None
+            if best is not None and best.is_plausible and best.agreement >= self.doubt:
+                break
+        return Found(
+            replace(rivals[0][1], history=history),
+            tuple(candidate for candidate, _ in rivals),
+            self._rivalry(rivals, restraint, len(source.parts[-1])),
+        )
+
+    def _rivalry(
+        self, ended: list[tuple[Candidate, Solution]], restraint: Restraint, count: int
+    ) -> float:
+        """Return how well the second stands, as a share of the first.
+
+        A prior may decide between poses that agree as well. An initial pose is but a hypothesis,
+        which may itself lie at a twin of the right one.
+        """
+        if len(ended) < 2:
+            return 0.0
+        (_, first), (_, second) = (self._standing(*one, restraint, count) for one in ended[:2])
+        return max(0.0, second / first) if first > 0.0 else math.nan
+
+    def _first_ends(
+        self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return where the search and an initial pose lead."""
+        ended, history = self._descended(
+            target, source, self._hypotheses(target, source, restraint), initial, restraint
+        )
+        if initial is not None:
+            ended += self._ends_of(target, source, initial, INITIAL, restraint, ended)
+        return ended, history
+
+    def _further_ends(
+        self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return where everything else leads, for scans that the first ends leave in doubt."""
+        proposed: list[Hypothesis] = []
+        if self.deeper is not None and target.view is not None and source.view is not None:
+            proposed = self.deeper.hypotheses(target.view, source.view)
+        evidence = target.evidence, source.evidence
+        proposed.sort(
+            key=lambda one: one.weight * plausibility(violation(*evidence, one.pose)),
+            reverse=True,
+        )
+        proposed = proposed[:_MOST_IN_DOUBT]
+        if target.has_ground and source.has_ground:
+            # What was taken for ground may be a wall: once as it was levelled, once freely.
+            proposed += self._matched(target, source)
+            proposed += self._matched(target, source, is_free=True)
+        ended, history = self._descended(target, source, proposed, initial, restraint)
+        if initial is None:
+            start = Pose.identity()
+            ended += self._ends_of(target, source, start, "identity", restraint, ended)
+        return ended, history
+
+    def _descended(
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        hypotheses: list[Hypothesis],
+        initial: Pose | None,
+        restraint: Restraint,
+    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        """Return where hypotheses lead through the descents and the fine stage."""
+        if not (target.has_parts and source.has_parts):
+            return [], ()
+        start = initial or Pose.identity()
+        ended, history = self.descents.follow(
+            target.parts,
+            source.parts,
+            [replace(one, pose=restraint.held(one.pose, start)) for one in hypotheses],
+            restraint,
+            lambda pose: plausibility(violation(target.evidence, source.evidence, pose)),
+        )
+        return [self._refined(target, source, one, restraint) for one in ended], history
+
+    def _ends_of(
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        start: Pose,
+        maker: str,
+        restraint: Restraint,
+        known: list[Descent],
+    ) -> list[Descent]:
+        """Return where a start leads: through its basin, and straight into the fine stage.
+
+        A start close by must not be lost on the way through coarser scales. Where its basin leads
+        to a place that is known, that is its end; the only one if the start lies close to that.
+        """
+        ended: list[Descent] = []
+        if target.has_parts and source.has_parts:
+            solution = self.basin.align(target.landmarks, source.landmarks, start, restraint)
+            met = self._known_at(solution.pose, known)
+            if met is None:
+                ended.append(self._refined(target, source, Descent(maker, solution), restraint))
+            else:
+                ended.append(Descent(maker, replace(met, history=solution.history)))
+                if self._known_at(start, ended, _START_APART) is not None:
+                    return ended
+        if self.fine is not None and target.fine is not None and source.fine is not None:
+            solution = self.fine.align(target.fine, source.fine, start, restraint)
+            ended.append(Descent(maker, solution))
+        return ended
+
+    def _known_at(self, pose: Pose, known: list[Descent], times: float = 1.0) -> Solution | None:
+        """Return the first solution that is not so many times `apart`, None without one."""
+        metres, radians = (times * limit for limit in self.descents.apart)
+        for one in known:
+            if one.solution.pose.is_close(pose, translation=metres, rotation=radians):
+                return one.solution
+        return None
+
+    def _hypotheses(
+        self, target: AutoScan, source: AutoScan, restraint: Restraint
+    ) -> list[Hypothesis]:
+        found: list[Hypothesis] = []
+        if restraint.prior is not None:
+            found.append(Hypothesis(restraint.prior.pose, 1.0, "prior"))
+        if self.search is not None and target.view is not None and source.view is not None:
+            found += self.search.hypotheses(target.view, source.view)
+        if not (target.has_ground and source.has_ground):
+            found += self._matched(target, source)
+        return found
+
+    def _matched(
+        self, target: AutoScan, source: AutoScan, is_free: bool = False
+    ) -> list[Hypothesis]:
+        if self.matcher is None:
+            return []
+        # Not kept with a scan: few pairs leave a doubt that needs them.
+        features = [
+            self.matcher.describe(one.parts[0], None if is_free else one.level)
+            for one in (target, source)
+        ]
+        return self.matcher.hypotheses(*features)
+
+    def _refined(
+        self, target: AutoScan, source: AutoScan, descent: Descent, restraint: Restraint
+    ) -> Descent:
+        if self.fine is None or target.fine is None or source.fine is None:
+            return descent
+        pose = descent.solution.pose
+        solution = self.fine.align(target.fine, source.fine, pose, restraint)
+        return (
+            descent
+            if solution.reason is StopReason.NO_SUPPORT
+            else replace(descent, solution=solution)
+        )
+
+    def _standing(
+        self, candidate: Candidate, solution: Solution, restraint: Restraint, count: int
+    ) -> tuple[bool, float]:
+        """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
+        standing = candidate.agreement
+        if candidate.maker == INITIAL:
+            standing *= self.loyalty
+        if restraint.prior is not None:
+            # As in the objectives, the prior is one observation beside those of the parts.
+            belief = restraint.prior.linearise(candidate.target_from_source).value
+            standing -= belief / max(1, count)
+        return solution.reason is not StopReason.NO_SUPPORT, standing
+
+
+def judged(target: Evidence, source: Evidence, descent: Descent) -> Candidate:
+    """Return the candidate that a descent ended with."""
+    return candidate_at(target, source, descent.solution.pose, descent.maker)

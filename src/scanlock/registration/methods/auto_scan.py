@@ -1,0 +1,72 @@
+"""What the default method keeps of a scan."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
+from scanlock.registration.methods.fine_ndt import FineScan
+from scanlock.registration.search.bev_grid import PlanView
+from scanlock.registration.verification.features import Evidence
+from scanlock.segmentation.cluster_gaussians import LEAST_PARTS, Landmarks
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AutoScan:
+    """A scan ready to be registered, as target or as source.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The checked points of the whole scan.
+    landmarks : Landmarks
+        Its clusters at each scale of the descent from an initial pose.
+    parts : tuple of Gaussians
+        Its clusters at each scale of the descents from hypotheses.
+    view : PlanView or None
+        What the search sees of it.
+    level : Pose or None
+        Turns it upright, with its ground at z = 0; None where no ground says which way is up.
+    evidence : Evidence
+        What candidates are judged by.
+    fine : FineScan or None
+        Its small cells.
+    timings : mapping of str to float [s]
+        Wall time of each stage.
+    """
+
+    cloud: PointCloud
+    landmarks: Landmarks
+    parts: tuple[Gaussians, ...]
+    view: PlanView | None
+    level: Pose | None
+    evidence: Evidence
+    fine: FineScan | None
+    timings: Mapping[str, float]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found on the way."""
+        if self.fine is None:
+            return self.landmarks.notes
+        cells = f"{len(self.fine.gaussians)} cells of {self.fine.width:g} m"
+        return (*self.landmarks.notes, cells)
+
+    @property
+    def has_ground(self) -> bool:
+        """Whether its ground says which way is up."""
+        return self.view is not None and self.view.has_ground
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether there are clusters enough to descend by."""
+        return not self.landmarks.shortage
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered; empty when it can."""
+        if self.has_parts or self.fine is None:
+            return self.landmarks.shortage
+        cells = len(self.fine.gaussians)
+        return "" if cells >= LEAST_PARTS else f"{self.landmarks.shortage}, and {cells} small cells"

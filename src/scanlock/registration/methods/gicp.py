@@ -1,0 +1,250 @@
+"""Generalised ICP: Segal, Haehnel and Thrun 2009, and by the voxel, Koide et al. 2021."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from scanlock.clouds.kept_neighbours import kept_neighbours
+from scanlock.clouds.neighbours import ClosestPoints
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.point_tree import PointTree
+from scanlock.clouds.voxel_grid import voxel_means
+from scanlock.errors import InvalidInput, require_count, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
+from scanlock.models.surfaces import Neighbourhoods, SurfaceShape, require_surface
+from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
+from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.optimisation.solvers.problem import Objective, Quadratic
+from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.solver import Solver
+from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+from scanlock.timing import StageClock
+
+_LEAST_POINTS = 10
+"""Of fewer points, or fewer pairs, no pose is worth the name."""
+
+_FAR_SQUARED = 9.0
+"""A pair of points beyond three deviations misfits no more than a point without a partner."""
+
+_LOOSE_STEP = 0.0025
+"""A coarse scale ends at steps below this share of it: the next one goes on from there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceScan:
+    """A scan ready to be registered, as target or as source.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The checked points of the whole scan.
+    surface : SurfacePoints
+        Its thinned points, in the order of the tree.
+    tree : PointTree
+        Finds the closest of them.
+    voxels : tuple of SurfaceVoxels
+        One set for each scale, where points meet voxels.
+    left_out : int
+        How many thinned points had no surface.
+    timings : mapping of str to float [s]
+        Wall time of each stage.
+    """
+
+    cloud: PointCloud
+    surface: SurfacePoints
+    tree: PointTree
+    voxels: tuple[SurfaceVoxels, ...]
+    left_out: int
+    timings: Mapping[str, float]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found on the way."""
+        return (f"{len(self.surface)} surface points; {self.left_out} others stand alone",)
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered; empty when it can."""
+        if len(self.surface) >= _LEAST_POINTS:
+            return ""
+        return f"holds {len(self.surface)} surface points, of {_LEAST_POINTS} needed"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gicp:
+    """Settings of generalised ICP; `prepare` each scan once, `align` as many pairs as wanted."""
+
+    meeting: Literal["closest", "voxel"] = "closest"
+    """Each point of the source meets the closest of the target, or the voxel that it lies in."""
+
+    gates: tuple[float, ...] = (20.0, 5.0, 1.0)
+    """Points this far apart or farther do not meet [m]; coarsest first, each gate from the pose
+    of the last. Segal et al. call it d_max. Not for voxels: their width is their gate."""
+
+    voxel_widths: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
+    """Sides of the voxels [m]; coarsest first, each width from the pose of the last."""
+
+    spacing: float = 0.25
+    """Either scan is thinned to the mean of its points in each voxel of this side [m]."""
+
+    neighbours: int = 10
+    """Nearest points, itself included, that make the surface about a point."""
+
+    shape: SurfaceShape = "plane"
+    """What the neighbours are taken for, see `scanlock.models.surfaces`."""
+
+    widest: float = 10.0
+    """Points whose neighbours lie farther from their mean [m, root mean square] have no surface,
+    and are left out: stray returns, and what sensors write where nothing returned."""
+
+    thinness: float = 1e-3
+    """Variance across the surface, where that along it is 1 [m^2]; the paper's epsilon."""
+
+    solver: Solver = field(
+        default_factory=lambda: LevenbergMarquardt(stopping=Stopping(step=1e-4, iterations=10))
+    )
+    """Minimises over the pose while the pairs are held."""
+
+    tolerance: float = 1e-3
+    """The pairing ends when new pairs move the pose by less [m, rotations at the lever]."""
+
+    rounds: int = 60
+    """How often points are paired anew at one scale, at most."""
+
+    lever: float = 20.0
+    """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
+
+    def __post_init__(self) -> None:
+        if self.meeting not in ("closest", "voxel"):
+            raise InvalidInput(f"meeting must be 'closest' or 'voxel', got {self.meeting!r}")
+        for name, scales in (("gates", self.gates), ("voxel_widths", self.voxel_widths)):
+            if not scales or list(scales) != sorted(scales, reverse=True):
+                raise InvalidInput(f"{name} must not grow from scale to scale, got {scales}")
+            for scale in scales:
+                require_positive(name, scale, unit="m")
+        require_positive("spacing", self.spacing, unit="m")
+        require_positive("widest", self.widest, unit="m")
+        require_positive("tolerance", self.tolerance, unit="m")
+        require_count("rounds", self.rounds)
+        require_positive("lever", self.lever, unit="m")
+        require_surface(self.neighbours, self.shape, self.thinness)
+
+    def prepare(self, cloud: PointCloud) -> SurfaceScan:
+        """Return what the method keeps of a scan."""
+        clock = StageClock()
+        with clock.stage("thin"):
+            tree = PointTree.from_points(voxel_means(cloud.points, self.spacing))
+            count = len(tree)
+        with clock.stage("surface"):
+            around = Neighbourhoods.around(tree, self.neighbours)
+            is_surface = around.widths <= self.widest
+            if not is_surface.all() and is_surface.any():
+                rows = np.flatnonzero(is_surface)
+                tree = PointTree.from_points(tree.points[rows])
+                around = around.taken(rows[tree.rows])
+            surface = SurfacePoints(tree.points, around.covariances(self.shape, self.thinness))
+        with clock.stage("voxels"):
+            widths = self.voxel_widths if self.meeting == "voxel" else ()
+            voxels = tuple(SurfaceVoxels.from_points(surface, width) for width in widths)
+        return SurfaceScan(cloud, surface, tree, voxels, count - len(tree), clock.seconds)
+
+    def align(
+        self, target: SurfaceScan, source: SurfaceScan, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, from a start.
+
+        A start where fewer than 10 points meet is returned untouched, with NO_SUPPORT.
+        """
+        *coarse, finest = self._scales
+        pose, history, notes = start, list[Iteration](), tuple[str, ...]()
+        closest = kept_neighbours(target.tree)
+        for scale in coarse:
+            solution = self._descend(scale, target, source, pose, restraint, closest)
+            history.extend(solution.history)
+            pose = solution.pose
+        if coarse:
+            before = self._misfit(target, source, start, target.tree)
+            if before < self._misfit(target, source, pose, closest):
+                # In a narrow place, or where little is shared, wide reaches leave a good start.
+                pose = start
+                notes = ("the coarse scales led away from the start and were not followed",)
+        solution = self._descend(finest, target, source, pose, restraint, closest)
+        is_lost = solution.reason is StopReason.NO_SUPPORT
+        return replace(
+            solution,
+            pose=start if is_lost else solution.pose,
+            history=(*history, *solution.history),
+            notes=(*notes, *solution.notes),
+        )
+
+    @property
+    def _scales(self) -> tuple[float, ...]:
+        return self.gates if self.meeting == "closest" else self.voxel_widths
+
+    def _descend(
+        self,
+        scale: float,
+        target: SurfaceScan,
+        source: SurfaceScan,
+        start: Pose,
+        restraint: Restraint,
+        closest: ClosestPoints,
+    ) -> Solution:
+        """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
+        is_last = scale == self._scales[-1]
+        tolerance = self.tolerance if is_last else max(self.tolerance, _LOOSE_STEP * scale)
+        pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
+        quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
+        objective: Objective | None = None
+        for _ in range(self.rounds):
+            pairs, distance = self._meet(scale, target, source, pose, closest)
+            note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
+            if pairs.count < _LEAST_POINTS:
+                history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
+                reason = StopReason.NO_SUPPORT
+                break
+            objective = restraint.on(pairs)
+            solution = self.solver.minimise(objective, pose)
+            first, *others = (replace(one, pairs=pairs.count) for one in solution.history)
+            history += [replace(first, mean_distance=distance), *others]
+            metres, radians = pose.distance(solution.pose)
+            pose, quadratic = solution.pose, solution.quadratic
+            if math.hypot(metres, self.lever * radians) < tolerance:
+                reason = StopReason.STEP_SMALL
+                break
+        return Solution(pose, quadratic, reason, tuple(history), (note,), objective)
+
+    def _misfit(
+        self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: ClosestPoints
+    ) -> float:
+        """Return the mean over the source of the squared distances at the finest scale, capped."""
+        pairs, _ = self._meet(self._scales[-1], target, source, pose, closest)
+        capped = np.minimum(pairs.squared_distances(pose), _FAR_SQUARED)
+        lonely = len(source.surface) - pairs.count
+        return (float(capped.sum()) + _FAR_SQUARED * lonely) / len(source.surface)
+
+    def _meet(
+        self,
+        scale: float,
+        target: SurfaceScan,
+        source: SurfaceScan,
+        pose: Pose,
+        closest: ClosestPoints,
+    ) -> tuple[DistributionPairs, float]:
+        """Return the pairs at a pose, and the mean distance [m] of the closest points that met."""
+        moved = pose.apply(source.surface.points)
+        if self.meeting == "closest":
+            surface = target.surface
+            partners, distances = closest.nearest(moved, scale)
+        else:
+            voxels = target.voxels[self.voxel_widths.index(scale)]
+            surface, partners = voxels.surface, voxels.rows_of(moved)
+            distances = np.full(len(partners), math.nan)
+        pairs = DistributionPairs.at(pose, surface, source.surface, partners, self.solver.curvature)
+        distance = float(distances[pairs.source_rows].mean()) if pairs.count else math.nan
+        return pairs, distance

@@ -1,0 +1,183 @@
+"""Multi-scale k-means NDT: Das and Waslander 2012, in three dimensions."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from scanlock.arrays import Points, frozen, read_only
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.voxel_grid import voxel_means
+from scanlock.errors import (
+    InvalidInput,
+    require_at_least,
+    require_count,
+    require_fraction,
+    require_positive,
+)
+from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
+from scanlock.models.k_means import KMeans
+from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.gaussian_scores import (
+    GaussiansToGaussians,
+    PointsToGaussians,
+    ScoreShape,
+)
+from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.problem import Objective
+from scanlock.optimisation.solvers.solution import Solution
+from scanlock.optimisation.solvers.solver import Solver
+from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
+from scanlock.registration.methods.scales import dense_scales, shares_of, shortage_of
+from scanlock.registration.methods.voxel_scan import measured_points
+from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.segmentation import is_obstacle
+from scanlock.timing import StageClock
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KMeansScan:
+    """A scan ready to be registered, as target or as source.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The checked points of the whole scan.
+    points : (n, 3) [m]
+        The thinned points that were parted.
+    gaussians : tuple of Gaussians
+        One set for each number of parts, fewest first.
+    shares : tuple of float
+        Share of the thinned points that each set holds.
+    timings : mapping of str to float [s]
+        Wall time of each stage.
+    """
+
+    cloud: PointCloud
+    points: Points
+    gaussians: tuple[Gaussians, ...]
+    shares: tuple[float, ...]
+    timings: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        frozen(self.points)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found on the way."""
+        found = ", ".join(str(len(one)) for one in self.gaussians)
+        return (f"{found} Gaussians by k-means of {len(self.points)} points",)
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered; empty when it can."""
+        return shortage_of(self, "parts")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MskmNdt:
+    """Settings of MSKM-NDT; `prepare` each scan once, `align` as many pairs as wanted."""
+
+    score: Literal["p2d", "d2d"] = "p2d"
+    """Points of the source, or its Gaussians, against the Gaussians of the target."""
+
+    counts: tuple[int, ...] = (12, 50, 200, 400)
+    """How many parts at each scale; fewest first, each scale from the pose of the last."""
+
+    points: Literal["obstacles", "all"] = "all"
+    """What is parted: the points above the ground, or all. Obstacles are fewer and faster, but
+    leave height, roll and pitch to walls and trees."""
+
+    ground: GroundFinder = field(default_factory=GroundFinder)
+    """Finds the ground that obstacles stand on."""
+
+    spacing: float = 0.5
+    """The mean of the points in each cube of this side [m] stands for them."""
+
+    k_means: KMeans = field(default_factory=KMeans)
+    """Parts the thinned points."""
+
+    least_count: int = 6
+    """Parts of fewer thinned points are left out."""
+
+    deviation_floor: float = 0.1
+    """Least standard deviation of a Gaussian along any axis [m]."""
+
+    shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
+    """The score of a pair; a sharpness of 1 halves the basin."""
+
+    weight_power: float = 0.25
+    """D2D: Gaussians weigh as their counts to this power."""
+
+    solver: Solver = field(default_factory=Newton)
+    """Minimises at each scale."""
+
+    loose_step: float = 0.01
+    """All scales but the last stop at steps below this share of their typical deviation."""
+
+    def __post_init__(self) -> None:
+        if self.score not in ("p2d", "d2d"):
+            raise InvalidInput(f"score must be 'p2d' or 'd2d', got {self.score!r}")
+        if self.points not in ("obstacles", "all"):
+            raise InvalidInput(f"points must be 'obstacles' or 'all', got {self.points!r}")
+        if not self.counts or list(self.counts) != sorted(self.counts):
+            raise InvalidInput(f"counts must not fall from scale to scale, got {self.counts}")
+        for count in self.counts:
+            require_count("counts", count)
+        require_positive("spacing", self.spacing, unit="m")
+        require_count("least_count", self.least_count, 2)
+        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_at_least("weight_power", self.weight_power, 0.0)
+        require_fraction("loose_step", self.loose_step)
+
+    def prepare(self, cloud: PointCloud) -> KMeansScan:
+        """Return what the method keeps of a scan."""
+        clock = StageClock()
+        with clock.stage("ground"):
+            if self.points == "obstacles":
+                points = cloud.points[is_obstacle(cloud, self.ground.find(cloud))]
+            else:
+                points = measured_points(cloud)
+        with clock.stage("k-means"):
+            # In the order of their cubes, so that the order of the caller's rows does not matter.
+            thinned = read_only(voxel_means(points, self.spacing))
+            gaussians = tuple(self._gaussians(thinned, count) for count in self.counts)
+        shares = shares_of(gaussians, len(thinned))
+        return KMeansScan(cloud, thinned, gaussians, shares, clock.seconds)
+
+    def align(
+        self, target: KMeansScan, source: KMeansScan, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, from a start."""
+        return minimise_in_turn(self._stages(target, source, restraint), start)
+
+    def _gaussians(self, points: Points, count: int) -> Gaussians:
+        labels = self.k_means.labels(points, count)
+        found = Gaussians.from_labels(points, labels, self.least_count)
+        return found.floored(self.deviation_floor)
+
+    def _stages(
+        self, target: KMeansScan, source: KMeansScan, restraint: Restraint
+    ) -> Iterator[Stage]:
+        scales = dense_scales(target, source)
+        for scale in scales:
+            stays, moves = target.gaussians[scale], source.gaussians[scale]
+            deviation = float(np.sqrt(np.median(stays.widths)))
+            loose = 0.0 if scale == scales[-1] else self.loose_step * deviation
+            objective = self._objective(stays, moves, source.points)
+            yield loosened(self.solver, loose), restraint.on(objective)
+
+    def _objective(self, target: Gaussians, source: Gaussians, points: Points) -> Objective:
+        if self.score == "p2d":
+            return PointsToGaussians(
+                target=target, points=points, shape=self.shape, curvature=self.solver.curvature
+            )
+        return GaussiansToGaussians(
+            target=target,
+            source=source,
+            shape=self.shape,
+            weight_power=self.weight_power,
+            curvature=self.solver.curvature,
+        )

@@ -1,0 +1,122 @@
+"""NDT, voxel Gaussians against voxel Gaussians: Stoyanov et al. 2012."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.point_tree import PointTree
+from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
+from scanlock.geometry.pose import Pose
+from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
+from scanlock.optimisation.objectives.candidates import Candidates, CellsAround, NearestTarget
+from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
+from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.solution import Solution
+from scanlock.optimisation.solvers.solver import Solver
+from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
+from scanlock.optimisation.solvers.stopping import Stopping
+from scanlock.registration.methods.scales import dense_scales
+from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
+
+Meeting = Literal["nearest", "cells-around", "all"]
+"""Which Gaussians of the target one of the source meets.
+
+``"nearest"`` the one with the nearest mean (the paper), ``"cells-around"`` those of the cells
+around its own (the code that its authors published), ``"all"`` every one within reach of the
+score; only the last is continuous.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NdtD2d:
+    """Settings of NDT-D2D; `prepare` each scan once, `align` as many pairs as wanted."""
+
+    widths: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
+    """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
+
+    The first sets the basin, the last the precision; a width is passed over where most points of
+    either scan lie in cells of too few.
+    """
+
+    meeting: Meeting = "all"
+    """Which Gaussians of the target one of the source meets."""
+
+    cells_around: int = 2
+    """How many cells away Gaussians still meet, where cells around do; 2 as published."""
+
+    shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
+    """The score of a pair; smaller sharpness widens the basin, and lets far pairs pull at the pose
+    and cost time."""
+
+    weight_power: float = 0.25
+    """Gaussians weigh as their counts to this power; all alike (0) in the paper."""
+
+    grid: VoxelGrid = field(default_factory=VoxelGrid)
+    """What becomes of the points of a voxel."""
+
+    solver: Solver = field(default_factory=Newton)
+    """Minimises at each width."""
+
+    loose_step: float = 0.01
+    """All widths but the last stop at steps below this share of theirs: the next one goes on."""
+
+    def __post_init__(self) -> None:
+        require_widths(self.widths)
+        if self.meeting not in get_args(Meeting):
+            raise InvalidInput(
+                f"meeting must be one of {', '.join(get_args(Meeting))}, got {self.meeting!r}"
+            )
+        require_count("cells_around", self.cells_around, 0)
+        require_at_least("weight_power", self.weight_power, 0.0)
+        require_fraction("loose_step", self.loose_step)
+
+    @classmethod
+    def stoyanov2012(cls) -> "NdtD2d":
+        """Return the settings of the code that Stoyanov et al. published with their paper.
+
+        Cells of 2, 1 and 0.5 m, the Gaussians up to two cells away, a sharpness of 0.05, steps
+        down to 1 mm, at most 30 at a width. Their line search is not the solver here.
+        """
+        return cls(
+            widths=(2.0, 1.0, 0.5),
+            meeting="cells-around",
+            shape=ScoreShape(sharpness=0.05),
+            weight_power=0.0,
+            solver=Newton(stopping=Stopping(step=1e-3, iterations=30)),
+        )
+
+    def prepare(self, cloud: PointCloud) -> VoxelScan:
+        """Return what the method keeps of a scan."""
+        return prepare_voxels(cloud, self.grid, self.widths)
+
+    def align(
+        self, target: VoxelScan, source: VoxelScan, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, from a start."""
+        return minimise_in_turn(self._stages(target, source, restraint), start)
+
+    def _stages(
+        self, target: VoxelScan, source: VoxelScan, restraint: Restraint
+    ) -> Iterator[Stage]:
+        scales = dense_scales(target, source)
+        for scale in scales:
+            stays, moves = target.voxels[scale], source.voxels[scale]
+            loose = 0.0 if scale == scales[-1] else self.loose_step * stays.width
+            objective = GaussiansToGaussians(
+                target=stays.gaussians,
+                source=moves.gaussians,
+                shape=self.shape,
+                weight_power=self.weight_power,
+                curvature=self.solver.curvature,
+                candidates=self._candidates(stays),
+            )
+            yield loosened(self.solver, loose), restraint.on(objective)
+
+    def _candidates(self, target: VoxelGaussians) -> Candidates | None:
+        if self.meeting == "nearest":
+            return NearestTarget(PointTree.from_points(target.gaussians.means))
+        if self.meeting == "cells-around":
+            return CellsAround(target, self.cells_around)
+        return None

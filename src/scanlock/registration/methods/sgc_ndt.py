@@ -1,0 +1,91 @@
+"""Segmented greedy cluster NDT: Algorithm 1 of Das et al. 2013, and its D2D sibling."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from scanlock.arrays import read_only
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.voxel_grid import voxel_means
+from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
+from scanlock.geometry.pose import Pose
+from scanlock.models.gaussians import Gaussians
+from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
+from scanlock.optimisation.solvers.problem import Objective
+from scanlock.optimisation.solvers.solution import Solution
+from scanlock.registration.methods.coarse_to_fine import CoarseToFine, Scale
+from scanlock.segmentation.cluster_gaussians import LandmarkFinder, Landmarks
+
+_POINT_BLUR = 2.0 * 2**0.5
+"""Blur of the target in P2D over that of either scan in D2D.
+
+Points cannot be blurred, so the target takes the blur of both (a factor of root two); points
+also lack the extent of clusters, and twice as much again gives P2D the basin of D2D.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SgcNdt:
+    """Settings of SGC-NDT; `prepare` each scan once, `align` as many pairs as wanted."""
+
+    score: Literal["d2d", "p2d"] = "d2d"
+    """Gaussians of the source, or its obstacle points, against Gaussians of the target."""
+
+    landmarks: LandmarkFinder = field(default_factory=LandmarkFinder)
+    """Lines 1 to 5: ground removed, the rest clustered, clusters as Gaussians."""
+
+    schedule: CoarseToFine = field(default_factory=CoarseToFine)
+    """Lines 6 to 21, at each scale in turn; `PAPER_SCALES` is the paper's single one."""
+
+    spacing: float = 0.5
+    """P2D takes the mean of the source's points in each voxel of this side [m]."""
+
+    spacing_share: float = 1.0
+    """P2D: under a blur the voxels grow to this share of it."""
+
+    merge_share: float = 1.0
+    """D2D: under a blur, the Gaussians in one cube of this many blurs become one; 0 leaves them
+    apart. The blur hides which they were; cubes of two blurs lose a pair carried by hand."""
+
+    def __post_init__(self) -> None:
+        if self.score not in ("d2d", "p2d"):
+            raise InvalidInput(f"score must be 'd2d' or 'p2d', got {self.score!r}")
+        require_positive("spacing", self.spacing, unit="m")
+        require_fraction("spacing_share", self.spacing_share)
+        require_at_least("merge_share", self.merge_share, 0.0)
+
+    def prepare(self, cloud: PointCloud) -> Landmarks:
+        """Return what the method keeps of a scan."""
+        return self.landmarks.find(cloud, [scale.largest_radius for scale in self.schedule.scales])
+
+    def align(
+        self, target: Landmarks, source: Landmarks, start: Pose, restraint: Restraint = FREE
+    ) -> Solution:
+        """Return the pose that carries the source onto the target, from a start."""
+        curvature = self.schedule.solver.curvature
+
+        def objective_at(index: int) -> Objective:
+            scale = self.schedule.scales[index]
+            blur = scale.blur
+            if self.score == "p2d":
+                spacing = max(self.spacing, self.spacing_share * blur)
+                return PointsToGaussians(
+                    target=target.gaussians[index].widened(_POINT_BLUR * blur),
+                    points=read_only(voxel_means(source.obstacles, spacing)),
+                    curvature=curvature,
+                )
+            return GaussiansToGaussians(
+                target=self._blurred(target.gaussians[index], scale),
+                source=self._blurred(source.gaussians[index], scale),
+                weight_power=scale.weight_power,
+                curvature=curvature,
+            )
+
+        return self.schedule.minimise(lambda index: restraint.on(objective_at(index)), start)
+
+    def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
+        width = self.merge_share * scale.blur
+        # Without weights by count there is no count that would stand for several Gaussians.
+        if width > 0.0 and scale.weight_power > 0.0:
+            gaussians = gaussians.merged(width, scale.weight_power)
+        return gaussians.widened(scale.blur)

@@ -1,0 +1,1 @@
+"""Global search: pose hypotheses from two scans, without an initial pose."""

@@ -1,0 +1,1 @@
+"""Settings of methods as TOML text and files."""

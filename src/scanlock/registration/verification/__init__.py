@@ -1,0 +1,1 @@
+"""Verification of a pose: features of each scan, metrics, probability and status."""

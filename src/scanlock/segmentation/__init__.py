@@ -1,0 +1,1 @@
+"""Ground, clusters, and the Gaussians of the clusters."""

@@ -1,0 +1,110 @@
+"""What registration keeps of one scan: lines 1 to 5 of Algorithm 1 of Das et al. 2013."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from scanlock.arrays import Points, frozen
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.voxel_grid import voxel_labels
+from scanlock.errors import require_at_least, require_positive
+from scanlock.models.gaussians import Gaussians
+from scanlock.segmentation.ground.finder import Ground, GroundStatus
+from scanlock.segmentation.segmentation import Segmenter, obstacle_points, upright
+from scanlock.timing import StageClock
+
+LEAST_PARTS = 4
+"""Three Gaussians can be laid over three others by chance; four hardly ever."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Landmarks:
+    """A scan ready to be registered, as target or as source.
+
+    Attributes
+    ----------
+    cloud : PointCloud
+        The checked points of the whole scan.
+    obstacles : (n, 3) [m]
+        The points above the ground; all points where there is no ground.
+    gaussians : tuple of Gaussians
+        One set for each scale, coarsest first: clusters, or voxels where there is no ground.
+    notes : tuple of str
+        What was found on the way.
+    timings : mapping of str to float [s]
+        Wall time of each stage.
+    """
+
+    cloud: PointCloud
+    obstacles: Points
+    gaussians: tuple[Gaussians, ...]
+    notes: tuple[str, ...]
+    timings: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        frozen(self.obstacles)
+
+    @property
+    def shortage(self) -> str:
+        """Why the scan cannot be registered; empty when it can."""
+        parts = len(self.gaussians[-1])
+        if parts >= LEAST_PARTS:
+            return ""
+        return f"holds {parts} parts besides the ground, of {LEAST_PARTS} needed"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LandmarkFinder:
+    """Settings of the front end: a scan's ground removed, the rest as Gaussians."""
+
+    segmenter: Segmenter = field(default_factory=Segmenter)
+    """Ground and clusters; the scales of the registration decide how fine clusters are cut."""
+
+    deviation_floor: float = 0.1
+    """Least standard deviation of a Gaussian along any axis [m]: noise, and the jitter of a
+    cluster's mean between two views."""
+
+    def __post_init__(self) -> None:
+        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_at_least("least_count", self.segmenter.clusters.least_count, 2)
+
+    def find(self, cloud: PointCloud, radii: Sequence[float]) -> Landmarks:
+        """Return the landmarks of a cloud in its sensor's frame.
+
+        Parameters
+        ----------
+        cloud : PointCloud
+        radii : sequence of float [m]
+            Largest radius of a cluster at each scale, not growing.
+        """
+        clock = StageClock()
+        with clock.stage("ground"):
+            ground = self.segmenter.ground.find(cloud)
+        landmarks = self.find_above(cloud, ground, radii)
+        return replace(landmarks, timings={**clock.seconds, **landmarks.timings})
+
+    def find_above(self, cloud: PointCloud, ground: Ground, radii: Sequence[float]) -> Landmarks:
+        """Return the landmarks of a cloud whose ground is known; see `find`."""
+        clock = StageClock()
+        with clock.stage("obstacles"):
+            obstacles = obstacle_points(cloud, ground)
+        distinct = sorted(set(radii), reverse=True)
+        with clock.stage("clusters"):
+            found = self._gaussians(obstacles, ground, distinct)
+            gaussians = {
+                radius: one.floored(self.deviation_floor)
+                for radius, one in zip(distinct, found, strict=True)
+            }
+        scales = tuple(gaussians[radius] for radius in radii)
+        note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
+        return Landmarks(cloud, obstacles, scales, (note,), clock.seconds)
+
+    def _gaussians(
+        self, obstacles: Points, ground: Ground, radii: Sequence[float]
+    ) -> list[Gaussians]:
+        finder = self.segmenter.clusters
+        if ground.status is GroundStatus.NONE:
+            # Nothing separates the columns of polar bins; cubes take the place of clusters.
+            partitions = [voxel_labels(obstacles, radius)[0] for radius in radii]
+            return [Gaussians.from_labels(obstacles, one, finder.least_count) for one in partitions]
+        labels, count = finder.grow(upright(obstacles, ground))
+        return finder.gaussians(obstacles, labels, count, radii)

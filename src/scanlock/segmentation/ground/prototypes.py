@@ -1,0 +1,53 @@
+"""The lowest point of each polar cell: what all ground models of a scan start from."""
+
+from dataclasses import dataclass
+
+from scanlock.arrays import Labels, Points, Vector, frozen, read_only
+from scanlock.clouds.polar_grid import PolarGrid
+from scanlock.kernels.ground.point_passes import gathered_prototypes, lowest_in_cells
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prototypes:
+    """The lowest point of each occupied cell, sector by sector and outwards.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+    ranges : (n,) [m]
+        Horizontal distances from the origin.
+    cells : (n,)
+        The cell of each prototype, ascending.
+    starts : (sectors + 1,)
+        Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
+    cell_of_point : (m,)
+        The cell of every point of the cloud, -1 outside the grid.
+    lowest : (sectors * bins,)
+        The row of the lowest point of every cell, -1 where there is no prototype.
+    bins : int
+        Range bins of the grid.
+    """
+
+    points: Points
+    ranges: Vector
+    cells: Labels
+    starts: Labels
+    cell_of_point: Labels
+    lowest: Labels
+    bins: int
+
+    def __post_init__(self) -> None:
+        for array in (self.points, self.ranges, self.cells, self.starts):
+            frozen(array)
+        for array in (self.cell_of_point, self.lowest):
+            frozen(array)
+
+    @classmethod
+    def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
+        """Return the prototypes of the cells with at least `min_points` points."""
+        sectors, bins = int(grid.sectors), grid.bins
+        cell_of_point = grid.cells(points)
+        lowest = lowest_in_cells(read_only(points), cell_of_point, sectors * bins, int(min_points))
+        frozen(lowest)
+        low, ranges, cells, starts = gathered_prototypes(read_only(points), lowest, sectors)
+        return cls(low, ranges, cells, starts, cell_of_point, lowest, bins)

@@ -1,0 +1,121 @@
+"""One frame of a facet ladar on a vehicle, with everything that is true of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Points, Vector, frozen
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.simulation.ladar.mount import PanTiltMount
+from scanlock.simulation.ladar.sensor import FacetLadar, points_from_ranges
+from scanlock.simulation.motion import screw
+from scanlock.simulation.objects.surface_class import SurfaceClass
+from scanlock.simulation.scan import SimulatedScan
+from scanlock.simulation.world import World
+
+_PLANTS = (SurfaceClass.FOLIAGE, SurfaceClass.SHRUB, SurfaceClass.GRASS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LadarScan(SimulatedScan):
+    """One frame of a ladar, as a range image and as points of the vehicle.
+
+    What a `SimulatedScan` calls sensor is the vehicle here: `points` are in its frame, in order
+    of the image, row by row; `rings` are rows; `pose` is world_from_vehicle in the middle of the
+    frame and `twist` the vehicle's; `period` is the time that the frame took.
+
+    Attributes
+    ----------
+    ranges : (r, c) [m]
+        Readings of the ladar; NaN where nothing came back.
+    pan, tilt : float [rad]
+        Readings of the platform, which holds still during a frame.
+    """
+
+    ranges: Matrix
+    pan: float
+    tilt: float
+
+    def __post_init__(self) -> None:
+        SimulatedScan.__post_init__(self)
+        frozen(self.ranges)
+
+
+def simulate_frame(
+    world: World,
+    ladar: FacetLadar,
+    mount: PanTiltMount,
+    pose: Pose,
+    rng: np.random.Generator,
+    *,
+    pan: float = 0.0,
+    tilt: float = 0.0,
+    time: float = 0.0,
+    twist: Vector | None = None,
+) -> LadarScan:
+    """Return what a ladar on a vehicle sees in one frame.
+
+    Parameters
+    ----------
+    world, ladar, mount : World, FacetLadar, PanTiltMount
+        What is seen, by what, and how that is fixed to the vehicle.
+    pose : Pose
+        world_from_vehicle in the middle of the frame.
+    rng : Generator
+        Draws range noise and lost returns; as many numbers whatever is seen.
+    pan, tilt : float [rad]
+        Readings of the platform.
+    time : float [s]
+        When the middle of the frame is, for the world's moving objects.
+    twist : (6,) [m/s, rad/s], optional
+        Velocity of the vehicle in its own frame, translation first; it keeps it during the
+        frame. At rest by default.
+
+    Raises
+    ------
+    InvalidInput
+        A twist of another shape, or not finite; a platform beyond its limits.
+    """
+    twist = np.zeros(6) if twist is None else np.array(twist, np.float64)
+    if twist.shape != (6,) or not np.isfinite(twist).all():
+        raise InvalidInput(f"twist must be six finite numbers, got {twist.tolist()}")
+    firing = np.repeat(ladar.firing_times(), ladar.rows_per_facet, axis=0).ravel()
+    delays = firing - 0.5 * ladar.frame_time
+    origins, directions = _rays(ladar, mount.vehicle_from_sensor(pan, tilt), pose, twist, delays)
+    hits = world.cast(origins, directions, time, delays, ladar.max_range)
+
+    noise = rng.standard_normal(len(firing)) * ladar.range_noise
+    chance = ladar.detection(hits.distances, hits.cosines) * (1.0 - hits.losses)
+    chance = chance * np.where(np.isin(hits.labels, _PLANTS), 1.0 - ladar.plant_loss, 1.0)
+    working = rng.random(ladar.facets) >= ladar.facet_loss
+    chance = chance * np.repeat(working, ladar.rows_per_facet * ladar.columns)
+    readings = ladar.readings(hits.distances + noise)
+    seen = (rng.random(len(firing)) < chance) & (readings > 0.0)
+    ranges = np.where(seen, readings, np.nan).reshape(ladar.rows, ladar.columns)
+    points = points_from_ranges(ranges, ladar, mount, pan=pan, tilt=tilt)
+    return LadarScan(
+        points=points.reshape(-1, 3)[seen],
+        labels=hits.labels[seen],
+        objects=hits.objects[seen],
+        rings=np.flatnonzero(seen) // ladar.columns,
+        times=firing[seen],
+        pose=pose,
+        twist=twist,
+        time=time,
+        period=ladar.frame_time,
+        ranges=ranges,
+        pan=pan,
+        tilt=tilt,
+    )
+
+
+def _rays(
+    ladar: FacetLadar, vehicle_from_sensor: Pose, pose: Pose, twist: Vector, delays: Vector
+) -> tuple[Points, Points]:
+    """Return origins [m] and directions of all beams in the world, each at its own moment."""
+    rotations, translations = screw(twist, delays)
+    turned = pose.rotation @ rotations
+    beams = ladar.directions().reshape(-1, 3) @ vehicle_from_sensor.rotation.T
+    origins = pose.apply(translations) + turned @ vehicle_from_sensor.translation
+    return origins, np.einsum("nij,nj->ni", turned, beams)

@@ -1,0 +1,1 @@
+"""Simulated objects and the surfaces they are made of."""

@@ -1,0 +1,150 @@
+"""Boxes, cones, ellipsoids, discs and triangles: what every simulated thing is made of.
+
+All take lengths in metres, one row a shape, and broadcast what is given once for all. `loss` is
+the share of pulses that never return from a shape, such as the panes of a window. The new
+surfaces belong to no object yet.
+
+Every function raises `InvalidInput` for sizes that are not positive, coordinates that are not
+finite, or a loss outside of [0, 1].
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from scanlock.arrays import Matrix
+from scanlock.errors import InvalidInput, require_fraction
+from scanlock.kernels.simulation.ray_casting import BOX, CONE, DISC, ELLIPSOID, TRIANGLE
+from scanlock.simulation.objects.surface_class import SurfaceClass
+from scanlock.simulation.objects.surfaces import COLUMNS, Surfaces
+
+
+def boxes(
+    centres: ArrayLike,
+    half_sizes: ArrayLike,
+    label: SurfaceClass,
+    *,
+    rotations: ArrayLike | None = None,
+    loss: float = 0.0,
+) -> Surfaces:
+    """Return boxes of the given half extents (n, 3); `rotations` (n, 3, 3) turn their axes."""
+    _require_positive("half_sizes", half_sizes)
+    return _surfaces(BOX, centres, half_sizes, label, rotations, loss)
+
+
+def ellipsoids(
+    centres: ArrayLike,
+    half_axes: ArrayLike,
+    label: SurfaceClass,
+    *,
+    rotations: ArrayLike | None = None,
+    loss: float = 0.0,
+) -> Surfaces:
+    """Return ellipsoids of the given half axes (n, 3); `rotations` (n, 3, 3) turn their axes."""
+    _require_positive("half_axes", half_axes)
+    return _surfaces(ELLIPSOID, centres, half_axes, label, rotations, loss)
+
+
+def cones(
+    bottoms: ArrayLike,
+    tops: ArrayLike,
+    bottom_radii: ArrayLike,
+    top_radii: ArrayLike,
+    label: SurfaceClass,
+    *,
+    loss: float = 0.0,
+) -> Surfaces:
+    """Return closed cones and cylinders between (n, 3) ends; one of the radii may be zero."""
+    bottoms = np.atleast_2d(np.asarray(bottoms, np.float64))
+    axes = np.atleast_2d(np.asarray(tops, np.float64)) - bottoms
+    lengths = np.linalg.norm(axes, axis=1)
+    if not (lengths > 0).all():
+        raise InvalidInput("the two ends of a cone must be finite and apart")
+    radii = [
+        np.broadcast_to(np.asarray(r, np.float64), len(axes)) for r in (bottom_radii, top_radii)
+    ]
+    _require_positive("the larger radius of a cone", np.maximum(*radii))
+    if (np.minimum(*radii) < 0).any():
+        raise InvalidInput(
+            f"radii of a cone must not be negative, got {np.minimum(*radii).min()} m"
+        )
+    sizes = np.column_stack([*radii, 0.5 * lengths])
+    frames = _frames_along(axes / lengths[:, None])
+    return _surfaces(CONE, bottoms + 0.5 * axes, sizes, label, frames, loss)
+
+
+def discs(
+    centres: ArrayLike,
+    normals: ArrayLike,
+    radii: ArrayLike,
+    label: SurfaceClass,
+    *,
+    loss: float = 0.0,
+) -> Surfaces:
+    """Return flat discs across (n, 3) normals; two `radii` a row make an ellipse."""
+    normals = np.atleast_2d(np.asarray(normals, np.float64))
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    _require_positive("the length of a normal", lengths)
+    radii = np.asarray(radii, np.float64)
+    _require_positive("radii", radii)
+    halves = np.broadcast_to(radii if radii.ndim == 2 else radii[..., None], (len(normals), 2))
+    sizes = np.column_stack([halves, np.ones(len(normals))])
+    return _surfaces(DISC, centres, sizes, label, _frames_along(normals / lengths), loss)
+
+
+def triangles(corners: ArrayLike, label: SurfaceClass, *, loss: float = 0.0) -> Surfaces:
+    """Return flat triangles of (n, 3, 3) corners; none may have its corners on a line."""
+    corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
+    first = corners[:, 1] - corners[:, 0]
+    second = corners[:, 2] - corners[:, 0]
+    length = np.linalg.norm(first, axis=1)
+    across = np.cross(first, second)
+    double_area = np.linalg.norm(across, axis=1)
+    if not (double_area > 0).all():
+        raise InvalidInput("the corners of a triangle must be finite and not lie on a line")
+    x = first / length[:, None]
+    z = across / double_area[:, None]
+    y = np.cross(z, x)
+    sizes = np.column_stack(
+        [length, np.einsum("ij,ij->i", second, x), np.einsum("ij,ij->i", second, y)]
+    )
+    return _surfaces(TRIANGLE, corners[:, 0], sizes, label, np.stack([x, y, z], axis=2), loss)
+
+
+def _surfaces(
+    kind: int,
+    centres: ArrayLike,
+    sizes: ArrayLike,
+    label: SurfaceClass,
+    rotations: ArrayLike | None,
+    loss: float,
+) -> Surfaces:
+    require_fraction("loss", loss)
+    centres = np.atleast_2d(np.asarray(centres, np.float64))
+    n = len(centres)
+    rows = np.empty((n, COLUMNS))
+    rows[:, :3] = centres
+    turned = np.eye(3) if rotations is None else np.asarray(rotations, np.float64)
+    rows[:, 3:12] = np.broadcast_to(turned, (n, 3, 3)).transpose(0, 2, 1).reshape(n, 9)
+    rows[:, 12:] = np.asarray(sizes, np.float64)
+    if not np.isfinite(rows).all():
+        raise InvalidInput("centres, sizes and rotations of surfaces must be finite")
+    unset = np.zeros(n, np.int64)
+    return Surfaces(np.full(n, kind), rows, np.full(n, int(label)), unset, np.full(n, float(loss)))
+
+
+def _require_positive(name: str, values: ArrayLike) -> None:
+    values = np.asarray(values, np.float64)
+    if not (values > 0).all():
+        raise InvalidInput(f"{name} must be positive, got {values[~(values > 0)][0]} m")
+
+
+def _frames_along(directions: Matrix) -> NDArray[np.float64]:
+    """Return (n, 3, 3) rotations whose third column is each unit direction."""
+    a, b, c = directions.T
+    # At right angles to the direction and to z, or to x where the direction is near z.
+    steep = np.abs(c) > 0.9
+    x = np.column_stack([np.where(steep, 0.0, -b), np.where(steep, -c, a), np.where(steep, b, 0.0)])
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    p, q, r = x.T
+    y = np.column_stack([b * r - c * q, c * p - a * r, a * q - b * p])
+    return np.stack([x, y, directions], axis=2)

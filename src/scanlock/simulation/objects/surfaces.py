@@ -1,0 +1,154 @@
+"""Many simple surfaces as arrays; `scanlock.simulation.objects.shapes` makes them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scanlock.arrays import Labels, Matrix, Vector, read_only
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.simulation.ray_casting import BOX, CONE, DISC, ELLIPSOID, TRIANGLE
+
+COLUMNS = 15
+"""Numbers that place and size one surface."""
+
+_BOUNDS_MARGIN = 1e-6
+"""Added around bounds [m], so that rounding cannot push a flat surface out of its own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surfaces:
+    """Rows of simple surfaces, each with a class and the object that it is part of.
+
+    Attributes
+    ----------
+    kinds : (n,)
+        Which shape each is; `rows` follow `scanlock.kernels.simulation.ray_casting`.
+    rows : (n, 15) [m]
+        Centre, rotation from the surroundings to the surface's own axes, sizes.
+    labels : (n,)
+        `SurfaceClass` of each.
+    objects : (n,)
+        The number of the object that each belongs to.
+    losses : (n,)
+        The share of pulses that never return from it: glass, black paint.
+    """
+
+    kinds: Labels
+    rows: Matrix
+    labels: Labels
+    objects: Labels
+    losses: Vector
+
+    def __post_init__(self) -> None:
+        n = len(self.kinds)
+        for name, shape, kind in (
+            ("kinds", (n,), np.int64),
+            ("rows", (n, COLUMNS), np.float64),
+            ("labels", (n,), np.int64),
+            ("objects", (n,), np.int64),
+            ("losses", (n,), np.float64),
+        ):
+            array = np.asarray(getattr(self, name), kind)
+            if array.shape != shape:
+                raise InvalidInput(f"{name} must have shape {shape}, got {array.shape}")
+            object.__setattr__(self, name, read_only(array))
+
+    @classmethod
+    def none(cls) -> "Surfaces":
+        """Return no surfaces at all."""
+        empty = np.empty(0, np.int64)
+        return cls(empty, np.empty((0, COLUMNS)), empty, empty, np.empty(0))
+
+    @classmethod
+    def joined(cls, parts: "Iterable[Surfaces]") -> "Surfaces":
+        """Return the surfaces of all parts in order."""
+        parts = [cls.none(), *parts]
+        return cls(
+            np.concatenate([part.kinds for part in parts]),
+            np.concatenate([part.rows for part in parts]),
+            np.concatenate([part.labels for part in parts]),
+            np.concatenate([part.objects for part in parts]),
+            np.concatenate([part.losses for part in parts]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def taken(self, index: NDArray[Any]) -> "Surfaces":
+        """Return the surfaces of an index array or mask."""
+        return Surfaces(
+            self.kinds[index],
+            self.rows[index],
+            self.labels[index],
+            self.objects[index],
+            self.losses[index],
+        )
+
+    def moved(self, pose: Pose) -> "Surfaces":
+        """Return the surfaces carried along by a rigid motion."""
+        rows = np.empty_like(self.rows)
+        rows[:, :3] = pose.apply(self.rows[:, :3])
+        rotations = self.rows[:, 3:12].reshape(-1, 3, 3) @ pose.rotation.T
+        rows[:, 3:12] = rotations.reshape(-1, 9)
+        rows[:, 12:] = self.rows[:, 12:]
+        return replace(self, rows=rows)
+
+    def as_object(self, number: int) -> "Surfaces":
+        """Return the surfaces as parts of one object."""
+        return replace(self, objects=np.full(len(self), number))
+
+    def bounds(self) -> Matrix:
+        """Return the (n, 6) smallest upright boxes around the surfaces: low xyz, high xyz [m]."""
+        centres = self.rows[:, :3]
+        # Column j of `axes[i]` is the own axis j of surface i.
+        axes = self.rows[:, 3:12].reshape(-1, 3, 3).transpose(0, 2, 1)
+        sizes = self.rows[:, 12:]
+        low = np.empty_like(centres)
+        high = np.empty_like(centres)
+        for kind, extent in (
+            (BOX, _box_extent),
+            (ELLIPSOID, _ellipsoid_extent),
+            (DISC, _disc_extent),
+            (CONE, _cone_extent),
+            (TRIANGLE, _triangle_extent),
+        ):
+            chosen = self.kinds == kind
+            if chosen.any():
+                below, above = extent(axes[chosen], sizes[chosen])
+                low[chosen] = centres[chosen] + below
+                high[chosen] = centres[chosen] + above
+        return np.column_stack([low - _BOUNDS_MARGIN, high + _BOUNDS_MARGIN])
+
+
+def _box_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
+    half = np.einsum("nij,nj->ni", np.abs(axes), sizes)
+    return -half, half
+
+
+def _ellipsoid_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
+    half = np.sqrt(np.einsum("nij,nj->ni", axes**2, sizes**2))
+    return -half, half
+
+
+def _disc_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
+    half = np.sqrt(np.einsum("nij,nj->ni", axes[:, :, :2] ** 2, sizes[:, :2] ** 2))
+    return -half, half
+
+
+def _cone_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
+    direction = axes[:, :, 2]
+    spread = np.sqrt(np.maximum(1.0 - direction**2, 0.0))
+    end = direction * sizes[:, 2:]
+    bottom, top = spread * sizes[:, :1], spread * sizes[:, 1:2]
+    return np.minimum(-end - bottom, end - top), np.maximum(-end + bottom, end + top)
+
+
+def _triangle_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
+    second = axes[:, :, 0] * sizes[:, :1]
+    third = axes[:, :, 0] * sizes[:, 1:2] + axes[:, :, 1] * sizes[:, 2:]
+    corners = np.stack([np.zeros_like(second), second, third])
+    return corners.min(axis=0), corners.max(axis=0)

@@ -1,0 +1,1 @@
+"""Simulated scenes: streets, forests, rugged terrain and look-alikes."""

@@ -1,0 +1,101 @@
+"""Uneven ground: a grid of heights, bilinear between them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from scanlock.arrays import Matrix, Points, Vector, frozen, read_only
+from scanlock.errors import InvalidInput, require_positive
+from scanlock.kernels.simulation.ray_ground import TILE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightField:
+    """The height of the ground over a rectangle of the x-y plane.
+
+    Attributes
+    ----------
+    heights : (m, n) [m]
+        ``heights[i, j]`` stands at ``corner + cell * (i, j)``; at least 2 x 2.
+    corner : (2,) [m]
+        Where the first height stands.
+    cell : float [m]
+        Distance between neighbouring heights.
+
+    Raises
+    ------
+    InvalidInput
+        Fewer than 2 x 2 heights, a height that is not finite, a cell that is not positive.
+    """
+
+    heights: Matrix
+    corner: Vector
+    cell: float
+    tops: Matrix = field(init=False)
+
+    def __post_init__(self) -> None:
+        require_positive("cell", self.cell, unit="m")
+        heights = np.array(self.heights, np.float64)
+        corner = np.array(self.corner, np.float64)
+        if heights.ndim != 2 or min(heights.shape) < 2:
+            raise InvalidInput(f"heights must be a grid of at least (2, 2), got {heights.shape}")
+        if corner.shape != (2,):
+            raise InvalidInput(f"corner must have shape (2,), got {corner.shape}")
+        if not (np.isfinite(heights).all() and np.isfinite(corner).all()):
+            raise InvalidInput("heights and corner must be finite")
+        for name, array in (("heights", heights), ("corner", corner), ("tops", _tops(heights))):
+            frozen(array)
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def sampled(
+        cls,
+        height: Callable[[Matrix], Vector],
+        low: ArrayLike,
+        high: ArrayLike,
+        cell: float,
+    ) -> "HeightField":
+        """Return the ground ``height(places)`` of the rectangle from `low` to at least `high`."""
+        corner = np.asarray(low, np.float64)
+        counts = np.ceil((np.asarray(high, np.float64) - corner) / cell).astype(int) + 1
+        i, j = np.indices(tuple(counts))
+        places = corner + cell * np.column_stack([i.ravel(), j.ravel()])
+        return cls(height(places).reshape(i.shape), corner, cell)
+
+    def at(self, places: Matrix) -> Vector:
+        """Return the height [m] under (n, 2+) places; past the edge, that of the edge."""
+        places = np.asarray(places, np.float64)
+        last = np.array(self.heights.shape) - 1
+        at = np.clip((places[:, :2] - self.corner) / self.cell, 0.0, last)
+        low = np.minimum(at.astype(np.int64), last - 1)
+        u, v = (at - low).T
+        i, j = low.T
+        h = self.heights
+        return (
+            (1 - u) * (1 - v) * h[i, j]
+            + u * (1 - v) * h[i + 1, j]
+            + (1 - u) * v * h[i, j + 1]
+            + u * v * h[i + 1, j + 1]
+        )
+
+    def lifted(self, places: Matrix) -> Points:
+        """Return the (n, 3) points of the ground at (n, 2+) places."""
+        places = np.asarray(places, np.float64)
+        return np.column_stack([places[:, :2], self.at(places)])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return HeightField, (np.array(self.heights), np.array(self.corner), self.cell)
+
+
+def _tops(heights: Matrix) -> Matrix:
+    """Return the highest of every tile of cells, the heights on its border included."""
+    rows, columns = (-(-(length - 1) // TILE) for length in heights.shape)
+    tops = np.empty((rows, columns))
+    for i in range(rows):
+        band = heights[i * TILE : (i + 1) * TILE + 1].max(axis=0)
+        for j in range(columns):
+            tops[i, j] = band[j * TILE : (j + 1) * TILE + 1].max()
+    return read_only(tops)

@@ -1,0 +1,139 @@
+import csv
+import re
+from dataclasses import replace
+
+import pytest
+
+from reference.studies import METHOD, toy_series
+from scanlock.io import write_kitti_poses, write_pose, write_scan
+from scanlock.registration.settings.file import read_settings, write_settings
+
+FAST = ["--methods", "sgc-ndt-d2d", "sgc-ndt-p2d", "--distances", "0", "1", "--angles", "0", "10"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Four toy scans, their poses, and the pose of the first pair."""
+    place = tmp_path_factory.mktemp("toys")
+    series = toy_series()
+    (place / "drive").mkdir()
+    for name in series.names:
+        write_scan(place / "drive" / f"{name}.npy", series.load(name))
+    write_kitti_poses(place / "poses.txt", series.truth)
+    write_pose(place / "truth.txt", series.pairs()[0].truth)
+    return place
+
+
+def _table(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_two_files_and_their_true_pose(scanlock, folder, tmp_path):
+    files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
+    done = scanlock("compare", *files, "--truth", folder / "truth.txt", *FAST, "-o", tmp_path)
+    assert (done.code, done.err) == (0, "")
+    assert "2 scan files: 1 pair" in done.out
+    rows = _table(tmp_path / "tables" / "basin.csv")
+    assert len(rows) == 2 * 2 * 2
+    assert {row["solved"] for row in rows} == {"1"}
+    assert float(rows[-1]["initial rotation error [deg]"]) == 10.0
+    assert re.search(r"sgc-ndt-p2d: starts that are solved\n +wrong by +0 deg +10 deg\n", done.out)
+    assert re.search(r"1 m +1 / 1 +1 / 1\n", done.out)
+    for name in ("errors.png", "basin.svg"):
+        assert (tmp_path / "figures" / name).is_file()
+    assert "scan0.npy scan1.npy" in (tmp_path / "index.md").read_text()
+
+
+def test_a_folder_with_poses_and_some_of_its_pairs(scanlock, folder, tmp_path):
+    done = scanlock(
+        "compare", folder / "drive", "--poses", folder / "poses.txt", "--pairs", "2",
+        "--starts", "0", "--methods", "sgc-ndt-d2d", "-o", tmp_path,
+    )  # fmt: skip
+    assert done.code == 0
+    assert "every scan of drive (folder of scans): 2 pairs" in done.out
+    rows = _table(tmp_path / "tables" / "pairs.csv")
+    assert [(row["target"], row["source"]) for row in rows] == [
+        ("scan0", "scan1"),
+        ("scan1", "scan2"),
+    ]
+    assert all(float(row["translation error [m]"]) < 0.1 for row in rows)
+    assert not (tmp_path / "tables" / "basin.csv").exists()
+
+
+def test_scans_farther_apart(scanlock, folder, tmp_path):
+    scanlock("compare", folder / "drive", "--apart", "3", *FAST[:2], "-o", tmp_path)
+    [row] = _table(tmp_path / "tables" / "pairs.csv")
+    assert (row["target"], row["source"]) == ("scan0", "scan3")
+    assert row["translation error [m]"] == ""
+
+
+def test_without_poses_methods_may_agree(scanlock, folder, tmp_path):
+    files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
+    done = scanlock("compare", *files, "--agree", *FAST, "-o", tmp_path)
+    assert done.code == 0
+    assert len(_table(tmp_path / "tables" / "basin.csv")) == 8
+    assert "because methods agree upon it" in (tmp_path / "index.md").read_text()
+
+
+def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, folder, tmp_path):
+    arguments = [
+        "compare",
+        folder / "drive",
+        "--poses",
+        folder / "poses.txt",
+        *FAST,
+        "--pairs",
+        "1",
+    ]
+    for name in ("one", "two", "one"):
+        done = scanlock(*arguments, "-o", tmp_path / name)
+    # The third run found all on disk, and files know no times.
+    assert re.search(r"sgc-ndt-d2d .* -\n", done.out)
+    files = [
+        {path.relative_to(tmp_path / name): path.read_bytes() for path in found if path.is_file()}
+        for name in ("one", "two")
+        for found in [sorted((tmp_path / name).rglob("*"))]
+    ]
+    assert files[0] == files[1]
+    assert not any(str(tmp_path).encode() in content for content in files[0].values())
+
+
+def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
+    write_settings(tmp_path / "mine.toml", replace(METHOD, spacing=0.7))
+    done = scanlock(
+        "compare", folder / "drive", "--pairs", "1", "--methods", "sgc-ndt-d2d",
+        "--settings", tmp_path / "mine.toml", "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert done.code == 0
+    rows = _table(tmp_path / "out" / "tables" / "pairs.csv")
+    assert [row["method"] for row in rows] == ["sgc-ndt-d2d", "mine"]
+    assert read_settings(tmp_path / "out" / "settings" / "mine.toml").spacing == 0.7
+    (tmp_path / "mine.toml").rename(tmp_path / "sgc-ndt-d2d.toml")
+    done = scanlock("compare", folder / "drive", "--settings", tmp_path / "sgc-ndt-d2d.toml")
+    assert done.code == 1
+    assert "two methods would be called sgc-ndt-d2d" in done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["drive/scan0.npy"], "two scan files or more, or one folder"),
+        ([], "two scan files or more, or one folder"),
+        (["drive", "--starts", "2"], "--starts need true poses"),
+        (["drive", "--truth", "truth.txt"], "--truth is the pose of one pair"),
+        (["drive/scan0.npy", "drive/scan1.npy", "--poses", "poses.txt"], "one for each of 2 scans"),
+        (["drive", "--methods", "magic"], "magic"),
+        (["drive", "--apart", "0"], "--apart must be a whole number"),
+        (["drive", "--metres", "0"], "metres must be positive"),
+        (["drive", "--agree", "--distances", "2", "1"], "distances must grow"),
+    ],
+)
+def test_wrong_arguments_are_told_before_the_work(
+    scanlock, folder, tmp_path, monkeypatch, arguments, message
+):
+    monkeypatch.chdir(folder)
+    done = scanlock("compare", *arguments, "-o", tmp_path / "out")
+    assert (done.code, done.out) == (1, "")
+    assert message in done.err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,350 @@
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scanlock.geometry.pose import Pose
+from scanlock.io import read_pose
+from scanlock.simulation import hdl_32e, simulate_scan
+from scanlock.simulation.scenes.look_alikes import corridor
+
+
+def _error(matrix, scans):
+    return Pose.from_matrix(matrix).distance(Pose.from_matrix(np.load(scans / "truth.npy")))
+
+
+@pytest.fixture(scope="module")
+def pair(scans):
+    return scans / "reference.npy", scans / "scene.npy"
+
+
+def test_the_scene_is_carried_onto_the_reference(scanlock, scans, pair):
+    done = scanlock("register", *pair, "--json")
+    assert (done.code, done.err) == (0, "")
+    result = json.loads(done.out)
+    metres, radians = _error(result["target_from_source"], scans)
+    assert metres < 0.1
+    assert radians < 0.01
+    assert (result["status"], result["method"]) == ("ok", "auto")
+    assert (result["reference"], result["scene"]) == tuple(map(str, pair))
+    assert "history" not in result
+
+
+def test_people_read_the_verdict_first_and_what_moves_onto_what(scanlock, pair):
+    done = scanlock("register", *pair)
+    lines = done.out.splitlines()
+    assert lines[0] == "ok  scene onto reference"
+    joined = " ".join(done.out.split())
+    assert f"reference {pair[0]}, 6,000 points (stays)" in joined
+    assert f"scene {pair[1]}, 6,000 points (moves)" in joined
+    for name in (
+        "why",
+        "moved",
+        "turned",
+        "right",
+        "overlap",
+        "score",
+        "inlier rmse",
+        "pose",
+        "time",
+    ):
+        assert any(line.strip().startswith(f"{name}  ") for line in lines)
+    for stage in ("check", "ground", "clusters", "cells", "align", "verdict", "read"):
+        assert f" {stage} " in joined
+    [turned] = [line.split() for line in lines if line.split()[:1] == ["turned"]]
+    assert (float(turned[1]), turned[2]) == (pytest.approx(np.degrees(0.15), abs=0.5), "deg:")
+    assert "\x1b" not in done.out
+
+
+def test_every_file_keeps_the_pose_to_the_last_bit(scanlock, pair, tmp_path):
+    files = [tmp_path / "new" / f"pose{ending}" for ending in (".txt", ".npy", ".json")]
+    printed = json.loads(scanlock("register", *pair, "--json", "-o", files[0]).out)
+    for path in files[1:]:
+        assert scanlock("register", *pair, "-o", path).code == 0
+    matrix = np.array(printed["target_from_source"])
+    np.testing.assert_array_equal(np.loadtxt(files[0]), matrix)
+    np.testing.assert_array_equal(np.load(files[1]), matrix)
+    saved = json.loads(files[2].read_text())
+    np.testing.assert_array_equal(saved["target_from_source"], matrix)
+    assert saved.keys() == printed.keys()
+
+
+@pytest.mark.parametrize("ending", [".txt", ".npy", ".json"])
+def test_a_pose_that_was_written_is_a_pose_to_start_from(scanlock, scans, pair, tmp_path, ending):
+    path = tmp_path / f"pose{ending}"
+    scanlock("register", *pair, "-o", path)
+    again = scanlock("register", *pair, "--initial", path, "--json")
+    assert again.code == 0
+    # Started where the first one ended, the finest scale agrees.
+    metres, radians = read_pose(path).distance(
+        Pose.from_matrix(json.loads(again.out)["target_from_source"])
+    )
+    assert metres < 1e-3
+    assert radians < 1e-4
+
+
+def test_a_flat_world_keeps_height_and_tilt(scanlock, pair):
+    done = scanlock("register", *pair, "--dof", "xy+yaw", "--json")
+    matrix = np.array(json.loads(done.out)["target_from_source"])
+    np.testing.assert_allclose(matrix[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)
+    assert np.abs(matrix[:2, 3]).max() > 0.01
+
+
+def test_a_firm_prior_keeps_the_initial_pose_and_a_loose_one_lets_go(scanlock, pair, tmp_path):
+    start = Pose.identity().retract(np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.02]))
+    np.savetxt(tmp_path / "start.txt", start.matrix)
+    moved = {}
+    for name, prior in {"firm": ("1e-5", "1e-4"), "loose": ("100", "90")}.items():
+        done = scanlock(
+            "register", *pair, "--initial", tmp_path / "start.txt", "--prior", *prior, "--json"
+        )
+        pose = Pose.from_matrix(json.loads(done.out)["target_from_source"])
+        moved[name] = pose.distance(start)[0]
+    free = scanlock("register", *pair, "--initial", tmp_path / "start.txt", "--json")
+    wanted = Pose.from_matrix(json.loads(free.out)["target_from_source"]).distance(start)[0]
+    assert moved["firm"] < 1e-3 < 0.1 < wanted
+    assert moved["loose"] == pytest.approx(wanted, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        (("0", "1"), "--prior must be positive, got 0.0 m"),
+        (("1", "-2"), "--prior must be positive, got -2.0 deg"),
+    ],
+)
+def test_a_prior_without_width_is_refused(scanlock, pair, prior, message):
+    done = scanlock("register", *pair, "--prior", *prior)
+    assert (done.code, done.out) == (1, "")
+    assert message in done.err
+
+
+def test_a_covariance_is_told_where_it_is_asked_for(scanlock, pair):
+    done = scanlock("register", *pair, "--covariance", "sandwich", "--json")
+    told = json.loads(done.out)["covariance"]
+    assert (done.code, told["way"]) == (0, "sandwich")
+    assert np.linalg.eigvalsh(told["matrix"]).min() > 0.0
+    shown = scanlock("register", *pair, "--covariance", "sandwich").out
+    assert "deviation" in shown
+    assert "forward" in shown
+    assert json.loads(scanlock("register", *pair, "--json").out)["covariance"] is None
+
+
+def test_a_corridor_is_held_at_the_initial_pose_when_asked_for(scanlock, tmp_path):
+    world, rng = corridor(), np.random.default_rng(0)
+    sensor = replace(hdl_32e(), azimuth_steps=720)
+    for name, ahead in (("reference", 0.0), ("scene", 0.5)):
+        pose = Pose(np.eye(3), np.array([ahead, 0.0, 1.2]))
+        np.save(tmp_path / f"{name}.npy", simulate_scan(world, sensor, pose, rng).points)
+    np.savetxt(tmp_path / "start.txt", Pose(np.eye(3), np.array([2.0, 0.0, 0.0])).matrix)
+    files = tmp_path / "reference.npy", tmp_path / "scene.npy"
+    start = "--initial", tmp_path / "start.txt"
+    done = scanlock("register", *files, *start, "--method", "gicp", "--hold-weak", "--json")
+    found = json.loads(done.out)
+    assert (done.code, found["status"]) == (2, "degenerate")
+    assert found["target_from_source"][0][3] == pytest.approx(2.0, abs=1e-3)
+    refused = scanlock("register", *files, "--hold-weak")
+    assert (refused.code, refused.out) == (1, "")
+    assert "give prior or initial" in refused.err
+
+
+def test_a_registration_that_failed_still_prints_and_exits_with_2(scanlock, scans, tmp_path):
+    path = tmp_path / "pose.json"
+    done = scanlock("register", scans / "reference.npy", scans / "elsewhere.npy", "-o", path)
+    assert (done.code, done.err) == (2, "")
+    saved = json.loads(path.read_text())
+    assert saved["status"] != "ok"
+    assert done.out.startswith(saved["status"].replace("_", " ") + "  ")
+    assert saved["reason"] in " ".join(done.out.split())
+
+
+def test_a_failure_in_json_is_json_too(scanlock, scans, tmp_path):
+    flat = np.random.default_rng(0).uniform(-20.0, 20.0, (3000, 3)) * [1.0, 1.0, 0.0]
+    np.save(tmp_path / "flat.npy", flat)
+    options = ("--method", "sgc-ndt-d2d", "--json")
+    done = scanlock("register", scans / "reference.npy", tmp_path / "flat.npy", *options)
+    assert done.code == 2
+    result = json.loads(done.out)
+    assert result["status"] == "no_correspondences"
+    assert result["metrics"]["overlap"] is None
+
+
+def test_verbose_shows_each_step_of_each_run_of_the_solver(scanlock, pair):
+    done = scanlock("register", *pair, "--verbose", "--method", "sgc-ndt-d2d")
+    table = done.out[done.out.index("  run  ") :].splitlines()
+    assert " ".join(table[0].split()) == "run evaluation value step [m] gradient accepted"
+    rows = [line.split() for line in table[1:]]
+    assert [int(row[1]) for row in rows] == list(range(1, len(rows) + 1))
+    runs = [int(row[0]) for row in rows]
+    assert runs == np.cumsum([float(row[3]) == 0.0 for row in rows]).tolist()
+    assert runs[-1] >= 5  # one for each scale, at least
+    full = json.loads(
+        scanlock("register", *pair, "--verbose", "--json", "--method", "sgc-ndt-d2d").out
+    )
+    assert len(full["history"]) == full["iterations"] == len(rows)
+    assert [step["run"] for step in full["history"]] == runs
+
+
+def test_the_other_method_is_there_by_name(scanlock, pair):
+    done = scanlock("register", *pair, "--method", "sgc-ndt-p2d", "--json")
+    assert json.loads(done.out)["method"] == "sgc-ndt-p2d"
+
+
+def test_rows_without_a_return_are_left_out(scanlock, scans):
+    done = scanlock("register", scans / "reference.npy", scans / "gaps.pcd", "--json")
+    assert done.code == 0
+    matrix = np.array(json.loads(done.out)["target_from_source"])
+    assert np.abs(matrix - np.eye(4)).max() < 0.02
+    text = " ".join(scanlock("register", scans / "reference.npy", scans / "gaps.pcd").out.split())
+    assert "6,000 points, 600 of them blank (0, 0, 0) (moves)" in text
+
+
+def test_map_coordinates_tell_the_motion_where_the_scan_is(scanlock, scans, tmp_path):
+    far = np.array([500_000.0, 5_400_000.0, 100.0])
+    for name in ("reference", "scene"):
+        np.save(tmp_path / f"{name}.npy", np.load(scans / f"{name}.npy") + far)
+    done = scanlock("register", tmp_path / "reference.npy", tmp_path / "scene.npy", "-o",
+                    tmp_path / "pose.txt")  # fmt: skip
+    assert done.code == 0
+    moved = next(line for line in done.out.splitlines() if line.split()[:1] == ["moved"])
+    assert float(moved.split()[1]) < 4.0
+    joined = " ".join(done.out.split())
+    assert "at the centroid, 50" in joined
+    scan = np.load(tmp_path / "scene.npy")
+    carried = read_pose(tmp_path / "pose.txt").apply(scan)
+    truth = Pose.from_matrix(np.load(scans / "truth.npy"))
+    expected = truth.apply(np.load(scans / "scene.npy")) + far
+    assert np.abs(carried - expected).max() < 0.3
+    # Another tool with nothing but what the screen shows, in double precision.
+    said = joined.split("reference from scene ")[1].split()[:12]
+    printed = np.array(said, float).reshape(3, 4)
+    assert np.abs(scan @ printed[:, :3].T + printed[:, 3] - carried).max() < 1e-3
+    origins = joined.split("about the origins ")[1]
+    numbers = re.findall(r"-?[\d.]+", origins)[:18]
+    target_origin, source_origin = np.array(numbers[:6], float).reshape(2, 3)
+    local = np.array(numbers[6:], float).reshape(3, 4)
+    moved = (scan - source_origin) @ local[:, :3].T + local[:, 3] + target_origin
+    assert np.abs(moved - carried).max() < 1e-3
+
+
+def test_a_picture_is_drawn(scanlock, pair, tmp_path):
+    path = tmp_path / "new" / "pair.png"
+    done = scanlock("register", *pair, "--picture", path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert done.out.endswith(f"wrote {path}\n")
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "parts"),
+    [
+        ("-o", "pose.jsn", [".txt, .json, .npy", "did you mean .json?"]),
+        ("-o", "pose", [".txt, .json, .npy"]),
+        ("--picture", "pair.jpeg", [".png, .pdf, .svg"]),
+    ],
+)
+def test_an_unknown_ending_is_told_before_the_work(scanlock, tmp_path, option, name, parts):
+    done = scanlock("register", "nowhere.bin", "nowhere.bin", option, tmp_path / name)
+    assert done.code == 1
+    assert all(part in done.err for part in parts)
+    assert "nowhere" not in done.err
+
+
+def test_a_picture_without_matplotlib_says_what_to_install(scanlock, monkeypatch, pair, tmp_path):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    done = scanlock("register", *pair, "--picture", tmp_path / "pair.png")
+    assert (done.code, done.out) == (1, "")
+    assert 'pip install "scanlock[figures]"' in done.err
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("refrence.npy", ["no such scan file", "did you mean reference.npy?"]),
+        ("cut.bin", ["cut.bin: "]),
+        ("noise.ply", ["noise.ply: "]),
+        (".", ["found a folder"]),
+    ],
+)
+def test_a_bad_file_is_one_line_with_what_to_do(scanlock, scans, name, parts):
+    done = scanlock("register", scans / "reference.npy", scans / name)
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert all(part in done.err for part in parts)
+
+
+def test_a_bad_initial_pose_names_its_file(scanlock, pair, tmp_path):
+    path = tmp_path / "guess.txt"
+    path.write_text("1 2 3\n4 5 6\n")
+    done = scanlock("register", *pair, "--initial", path)
+    assert done.code == 1
+    assert str(path) in done.err
+
+
+@pytest.mark.parametrize("ending", [".txt", ".npy", ".json"])
+def test_an_initial_pose_with_few_digits_is_mended_and_told(
+    scanlock, scans, pair, tmp_path, ending
+):
+    notes = {}
+    for digits in (3, 17):
+        path = tmp_path / f"guess{digits}{ending}"
+        matrix = np.load(scans / "truth.npy").round(digits)
+        if ending == ".txt":
+            np.savetxt(path, matrix, fmt="%.17g")
+        elif ending == ".npy":
+            np.save(path, matrix)
+        else:
+            path.write_text(json.dumps({"target_from_source": matrix.tolist()}))
+        done = scanlock("register", *pair, "--initial", path, "--json")
+        assert done.code == 0
+        found = json.loads(done.out)["notes"]
+        notes[digits] = [note for note in found if note.startswith("initial: ")]
+    assert not notes[17]
+    [note] = notes[3]
+    assert 1e-5 < float(note.split(" was ")[1].split()[0]) < 1e-3
+    shown = scanlock("register", *pair, "--initial", tmp_path / f"guess3{ending}").out
+    assert f"note {note}" in " ".join(shown.split())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (np.diag([1.1, 1.1, 1.1, 1.0]), "it scales by 1.1"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "it mirrors"),
+        (np.diag([1.0, 1.05, 1.0, 1.0]), "it shears"),
+    ],
+)
+def test_an_initial_pose_far_from_a_rotation_is_refused(
+    scanlock, scans, pair, tmp_path, change, message
+):
+    path = tmp_path / "guess.txt"
+    np.savetxt(path, np.load(scans / "truth.npy") @ change)
+    done = scanlock("register", *pair, "--initial", path)
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert str(path) in done.err
+    assert message in done.err
+
+
+def test_a_format_can_be_given_where_the_name_misleads(scanlock, scans, tmp_path):
+    odd = tmp_path / "scan.dat"
+    odd.write_bytes((scans / "float32.bin").read_bytes())
+    assert scanlock("register", odd, odd).code == 1
+    done = scanlock("register", odd, odd, "--format", "bin", "--columns", "3", "--json")
+    assert done.code == 0
+    assert np.abs(np.array(json.loads(done.out)["target_from_source"]) - np.eye(4)).max() < 1e-6
+
+
+def test_a_scan_is_never_overwritten_by_a_pose(scanlock, scans, pair):
+    before = pair[1].read_bytes()
+    done = scanlock("register", *pair, "-o", pair[1])
+    assert done.code == 1
+    assert "would be lost; name another file" in done.err
+    assert pair[1].read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(scanlock, pair, tmp_path):
+    (tmp_path / "file").touch()
+    done = scanlock("register", *pair, "-o", tmp_path / "file" / "pose.txt")
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)

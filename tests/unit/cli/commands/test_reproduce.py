@@ -1,0 +1,105 @@
+import re
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+
+from reference.studies import METHOD, contender, toy_series
+from scanlock.cli.commands import reproduce as command
+from scanlock.experiments import reproduce as module
+from scanlock.experiments.paper_methods import D2D, P2D
+from scanlock.io import write_kitti_poses, write_scan
+
+
+@pytest.fixture
+def toys(monkeypatch):
+    """Experiments with two methods, on four toy scans where no folder is named."""
+    asked = []
+
+    def simulated(scans, seed):
+        asked.append((scans, seed))
+        return toy_series()
+
+    toys = {
+        name: replace(
+            experiment,
+            contenders=[contender(P2D), contender(D2D, replace(METHOD, spacing=0.6))],
+            simulated=simulated,
+        )
+        for name, experiment in module.EXPERIMENTS.items()
+    }
+    monkeypatch.setattr(module, "EXPERIMENTS", toys)
+    return asked
+
+
+def test_the_names_are_those_of_the_experiments():
+    assert get_args(command.ExperimentName) == tuple(module.EXPERIMENTS)
+
+
+def test_the_page_is_written_and_the_numbers_are_shown(scanlock, toys, tmp_path):
+    done = scanlock("reproduce", "forest", "-o", tmp_path, "--scans", "4", "--seed", "7")
+    assert (done.code, done.err) == (0, "")
+    assert toys == [(4, 7)]
+    assert f"wrote {tmp_path / 'index.md'}" in done.out
+    [row] = [line.split() for line in done.out.splitlines() if line.strip().startswith(D2D)]
+    assert row[1:7] == ["3", "/", "3"] * 2
+    assert float(row[7]) < 0.1
+    assert float(row[-1]) > 0.0
+    assert re.search(r"holds +SGC-NDT gives good registrations", done.out)
+    assert re.search(r"cannot be told +The maps of both", done.out)
+
+
+def test_a_second_run_registers_nothing_and_knows_no_times(scanlock, toys, tmp_path):
+    scanlock("reproduce", "urban", "-o", tmp_path)
+    page = (tmp_path / "index.md").read_bytes()
+    done = scanlock("reproduce", "urban", "-o", tmp_path)
+    [row] = [line.split() for line in done.out.splitlines() if line.strip().startswith(D2D)]
+    assert row[-1] == "-"
+    assert (tmp_path / "index.md").read_bytes() == page
+
+
+def test_the_folder_is_named_after_the_experiment(scanlock, toys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert scanlock("reproduce", "forest").code == 0
+    assert (tmp_path / "scanlock-forest" / "index.md").is_file()
+    assert toys == [(module.EXPERIMENTS["forest"].scans, 1)]
+
+
+def test_recorded_scans_are_taken_as_the_paper_took_its_own(scanlock, toys, tmp_path):
+    series = toy_series()
+    data = tmp_path / "data"
+    data.mkdir()
+    every = module.EXPERIMENTS["urban"].every
+    # Only every tenth of them is looked at, so all others can be the same.
+    for number in range(2 * every + 1):
+        write_scan(data / f"{number:03d}.npy", series.load(series.names[number // every]))
+    write_kitti_poses(
+        tmp_path / "poses.txt", [series.truth[k // every] for k in range(2 * every + 1)]
+    )
+    done = scanlock(
+        "reproduce", "urban", "--data", data, "--poses", tmp_path / "poses.txt",
+        "-o", tmp_path / "out",
+    )  # fmt: skip
+    assert (done.code, toys) == (0, [])
+    assert "3 scans, every 10th scan of data (folder of scans)" in done.out
+    page = (tmp_path / "out" / "index.md").read_text()
+    assert "the poses that came with the scans" in page
+    assert str(tmp_path) not in page
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["urban", "--scans", "1"], "--scans must be a whole number of at least 2"),
+        (["urban", "--seed", "-1"], "--seed must be a whole number"),
+        (["urban", "--poses", "poses.txt"], "--poses belongs to --data"),
+        (["urban", "--data", "nowhere"], "no such folder of scans"),
+        (["ladar", "--data", "nowhere"], "ladar needs range images, which are simulated"),
+        (["moon"], "urban"),
+    ],
+)
+def test_wrong_arguments_are_told_before_the_work(scanlock, toys, tmp_path, arguments, message):
+    done = scanlock("reproduce", *arguments, "-o", tmp_path / "out")
+    assert (done.code, done.out) == (1, "")
+    assert message in done.err
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,36 @@
+import json
+
+from scanlock.registration.registry import DEFAULT_METHOD, METHODS
+from scanlock.registration.settings.file import settings_from_toml
+
+
+def test_settings_are_printed_as_they_are(scanlock):
+    for name, method in METHODS.items():
+        done = scanlock("settings", name)
+        assert done.code == 0
+        assert settings_from_toml(done.out) == method
+
+
+def test_settings_that_were_written_register(scanlock, scans, tmp_path):
+    path = tmp_path / "mine.toml"
+    assert scanlock("settings", "sgc-ndt-p2d", "-o", path).out == f"wrote {path}\n"
+    path.write_text(path.read_text().replace("spacing = 0.5", "spacing = 0.4"))
+    pair = (scans / "reference.npy", scans / "scene.npy")
+    found = json.loads(scanlock("register", *pair, "--settings", path, "--json").out)
+    assert found["method"] == "SgcNdt"
+    default = json.loads(scanlock("register", *pair, "--json").out)
+    assert default["method"] == DEFAULT_METHOD
+    assert default["target_from_source"] != found["target_from_source"]
+
+
+def test_mistakes_are_one_line(scanlock, scans, tmp_path):
+    pair = (scans / "reference.npy", scans / "scene.npy")
+    path = tmp_path / "mine.toml"
+    path.write_text('type = "SgcNdt"\nspacing = -1\n')
+    done = scanlock("register", *pair, "--settings", path)
+    assert done.code == 1
+    assert "spacing must be positive, got -1.0 m" in done.err
+    assert done.err.count("\n") == 1
+    both = scanlock("register", *pair, "--settings", path, "--method", "gicp")
+    assert "either --method or --settings" in both.err
+    assert "must end in .toml" in scanlock("settings", "gicp", "-o", tmp_path / "x.txt").err

@@ -1,0 +1,109 @@
+import multiprocessing
+import os
+import re
+import signal
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numba
+import pytest
+
+from scanlock.cli.commands import warm_up
+from scanlock.cli.commands.warm_up import ordered, where_it_is_kept
+
+_needs_compiler = pytest.mark.skipif(
+    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+)
+
+_USED_AFTERWARDS = """
+import contextlib, importlib, io, pathlib, pkgutil, re
+import scanlock, scanlock.kernels
+from scanlock.cli import main
+with contextlib.redirect_stdout(io.StringIO()) as out:
+    assert main(["warmup"]) == 0
+assert "compiled" in out.getvalue()
+assert "kept in" in out.getvalue()
+
+package = pathlib.Path(scanlock.__file__).parent
+callers = "".join(
+    path.read_text() for path in package.rglob("*.py") if path.parent.name != "kernels"
+)
+cold = []
+for module in pkgutil.iter_modules(scanlock.kernels.__path__):
+    for name, value in vars(importlib.import_module(f"scanlock.kernels.{module.name}")).items():
+        if name.startswith("_"):
+            continue
+        if hasattr(value, "signatures") and re.search(rf"\\b{name}[(]", callers):
+            if len(value.signatures) != 1:
+                cold.append((module.name, name, len(value.signatures)))
+print(cold)
+"""
+
+
+@_needs_compiler
+def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", _USED_AFTERWARDS],
+        env=os.environ,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+@_needs_compiler
+def test_a_second_time_there_is_nothing_to_compile(scanlock):
+    scanlock("warmup")
+    done = scanlock("warmup")
+    assert (done.code, done.err) == (0, "")
+    first, second = done.out.splitlines()
+    assert re.fullmatch(r"everything was compiled already; loaded it in [\d.]+ s", first)
+    assert second.startswith("kept in ")
+    assert os.path.isdir(second.removeprefix("kept in "))
+
+
+@pytest.mark.parametrize(
+    ("kernel", "remedy"),
+    [
+        (SimpleNamespace(stats=SimpleNamespace(cache_path=None)), "NUMBA_CACHE_DIR"),
+        (SimpleNamespace(), "NUMBA_DISABLE_JIT"),
+    ],
+)
+def test_without_a_compiler_or_a_place_to_keep_it_the_remedy_is_named(monkeypatch, kernel, remedy):
+    monkeypatch.setattr("scanlock.kernels.points.polar.polar_cells", kernel)
+    assert remedy in where_it_is_kept()
+
+
+def test_processes_that_share_the_work_begin_at_different_ends():
+    steps = list(range(9))
+    orders = [ordered(steps, number) for number in range(4)]
+    assert all(sorted(order) == steps for order in orders)
+    assert orders[0] == steps
+    assert orders[1] == steps[::-1]
+    assert len({order[0] for order in orders}) == 4
+
+
+def test_an_interrupt_of_a_terminal_reaches_none_of_them_but_the_first(scanlock, monkeypatch):
+    heard = []
+
+    class Helper:
+        def __init__(self, **_):
+            pass
+
+        def start(self):
+            heard.append(signal.getsignal(signal.SIGINT))
+
+        def join(self):
+            heard.append(signal.getsignal(signal.SIGINT))
+
+    taken = multiprocessing.Array("b", 1)
+    context = SimpleNamespace(Array=lambda *_: taken, Process=Helper)
+    monkeypatch.setattr("multiprocessing.get_context", lambda _: context)
+    monkeypatch.setattr("scanlock.registration.warm_up.warm_up_verdicts", lambda: None)
+    monkeypatch.setattr(warm_up, "_compiles_here", lambda: True)
+    monkeypatch.setattr(warm_up, "_cores", lambda: 2)
+    monkeypatch.setattr(warm_up, "_steps", lambda: [lambda: None])
+    assert scanlock("warmup").code == 0
+    assert heard == [signal.SIG_IGN, signal.default_int_handler]

@@ -1,0 +1,50 @@
+import errno
+
+import pytest
+
+from scanlock.cli.errors import complain, nearest, one_line
+from scanlock.errors import InvalidInput
+
+
+def test_the_nearest_choice_is_named():
+    assert nearest("pdc", ["bin", "pcd", "ply"]) == "; did you mean pcd?"
+    assert nearest("quite else", ["bin", "pcd", "ply"]) == ""
+
+
+def test_messages_become_one_line():
+    assert one_line(InvalidInput("first\n  second")) == "first second"
+
+
+def test_a_missing_file_names_the_one_that_looks_like_it(tmp_path):
+    (tmp_path / "scan_0001.bin").touch()
+    wanted = tmp_path / "scan_001.bin"
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory", str(wanted))
+    assert one_line(error) == (f"{wanted}: no such file or directory; did you mean scan_0001.bin?")
+
+
+def test_a_missing_folder_has_no_neighbours_to_name(tmp_path):
+    wanted = tmp_path / "nowhere" / "scan.bin"
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory", str(wanted))
+    assert one_line(error) == f"{wanted}: no such file or directory"
+
+
+def test_a_forbidden_file_says_so():
+    error = PermissionError(errno.EACCES, "Permission denied", "/secret")
+    assert one_line(error) == "/secret: permission denied; check who may read or write there"
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "no space left on device"),
+        (OSError("odd"), "odd"),
+    ],
+)
+def test_other_faults_of_the_system_keep_their_words(error, line):
+    assert one_line(error) == line
+
+
+def test_a_complaint_is_one_line_however_long_and_brackets_are_no_markup(capsys):
+    complain("[red]x " * 40)
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"scanlock: {'[red]x ' * 40}\n")

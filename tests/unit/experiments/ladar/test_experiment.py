@@ -1,0 +1,186 @@
+import csv
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reference.studies import contender, record_of
+from scanlock.experiments.experiment import Outcome, unwatched
+from scanlock.experiments.ladar.claims import ladar_claims, ladar_remarks
+from scanlock.experiments.ladar.experiment import LADAR, ladar_contenders
+from scanlock.experiments.ladar.outcome import LadarOutcome
+from scanlock.experiments.ladar.rows import AS_TAKEN, ROWS, SHIFTED_AND_TURNED, STARTS
+from scanlock.experiments.ladar.series import (
+    CREEPING,
+    DRIVES,
+    PARKED,
+    WALKING,
+    frame_names,
+    ladar_pairs,
+    ladar_series,
+    pairs_of,
+    range_image,
+)
+from scanlock.experiments.reproduce import reproduce
+from scanlock.geometry.pose import Pose
+from scanlock.pipelines.study import StudyPair, StudyTask
+from scanlock.registration.methods.icp import Icp
+from scanlock.simulation import FacetLadar
+
+PAPER, OTHER = "ICP 2003", "annealed ICP"
+
+
+@pytest.fixture(scope="module")
+def terrain():
+    """Frames at one place: a terrain takes seconds to grow."""
+    return ladar_series(1, seed=4)
+
+
+def _with_two():
+    contenders = [contender(PAPER, Icp.madhavan2003()), contender(OTHER, Icp(spacing=0.4))]
+    return replace(LADAR, contenders=contenders)
+
+
+@pytest.fixture(scope="module")
+def done(terrain, tmp_path_factory):
+    return reproduce(_with_two(), terrain, tmp_path_factory.mktemp("ladar"))
+
+
+def test_each_drive_has_a_pair_with_its_true_motion(terrain):
+    pairs = ladar_pairs(terrain)
+    assert [(pair.target, pair.source) for pair in pairs] == [frame_names(0, d) for d in DRIVES]
+    for drive, pair in zip(DRIVES, pairs, strict=True):
+        metres, _ = pair.truth.distance(Pose.identity())
+        way = drive.speed * drive.apart / FacetLadar().rate
+        # A vehicle that pitches over a bump carries its ladar a little farther than it rolls.
+        assert 0.5 * way <= metres <= 2.0 * way + 1e-4
+        assert pairs_of(drive, pairs) == [pair]
+
+
+def test_range_images_are_those_of_the_frames(terrain):
+    for name in terrain.names[:2]:
+        image = range_image(terrain.load(name))
+        assert image.shape == (32, 180)
+        seen = np.isfinite(image).sum()
+        assert 0.97 * len(terrain.load(name)) <= seen <= len(terrain.load(name))
+
+
+def test_starts_are_those_of_the_paper():
+    pose = STARTS.pose(SHIFTED_AND_TURNED, "any", None, np.zeros(3))
+    np.testing.assert_array_equal(pose.translation, [3.0, 3.0, 3.0])
+    assert pose.distance(Pose.identity())[1] == pytest.approx(math.radians(10.0))
+    assert STARTS.pose(AS_TAKEN, "any", None, np.zeros(3)) == Pose.identity()
+
+
+def test_the_same_experiment_gives_the_same_bytes(terrain, done, tmp_path):
+    reproduce(_with_two(), terrain, tmp_path)
+    for path in sorted(done.page.parent.rglob("*.*")):
+        assert path.read_bytes() == (tmp_path / path.relative_to(done.page.parent)).read_bytes()
+
+
+def test_the_page_holds_the_four_rows_beside_the_paper(done):
+    folder = done.page.parent
+    with (folder / "tables" / "table-1.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["data set"] for row in rows] == [row.name for row in ROWS for _ in range(2)]
+    first = rows[0]
+    assert float(first["mean distance in the paper [cm]"]) == pytest.approx(5.77)
+    # Consecutive frames of a vehicle that hardly moves fit about as well as at the exact pose.
+    exact = float(first["at the exact pose [cm]"])
+    assert float(first["mean distance [cm]"]) == pytest.approx(exact, rel=0.1)
+    assert first["solved"] == "1 / 1"
+    page = done.page.read_text()
+    for name in ("range-images", "registration", "distances"):
+        assert f"(figures/{name}.png)" in page
+    assert "two frames of each of four drives" in page
+    assert page.count("holds here") + page.count("does not hold here") == 6
+
+
+def test_the_printed_icp_leaves_the_distance_that_it_reports(done):
+    [record] = [
+        one
+        for one in done.outcome.records[PAPER]
+        if one.task.start == AS_TAKEN and frame_names(0, PARKED)[0] in one.task.pair
+    ]
+    with (done.page.parent / "tables" / "table-1.csv").open() as file:
+        second = list(csv.DictReader(file))[2]
+    assert float(second["mean distance [cm]"]) == pytest.approx(
+        100.0 * record.mean_distance, rel=0.02
+    )
+
+
+def test_contenders_have_names_of_their_own_and_settings_of_the_paper():
+    contenders = ladar_contenders()
+    assert len({one.name for one in contenders}) == len(contenders)
+    assert contenders[0].method == Icp.madhavan2003()
+
+
+def _made_up(distances, errors):
+    """Two places, every pair from every start, with these distances [m] and errors by method."""
+    names = [name for place in range(2) for drive in DRIVES for name in frame_names(place, drive)]
+    pairs = [
+        StudyPair(target=target, source=source, truth=Pose.identity())
+        for target, source in zip(names[::2], names[1::2], strict=True)
+    ]
+    records = {
+        method: [
+            replace(
+                record_of(pair, method, (error, 0.0)),
+                task=StudyTask(pair.name, method, start),
+                evaluations=5 + 9 * number,
+            )
+            for pair in pairs
+            for number, start in enumerate(STARTS.names)
+        ]
+        for method, error in errors.items()
+    }
+    after = {
+        (pair.name, start, method): distance
+        for method, distance in distances.items()
+        for pair in pairs
+        for start in STARTS.names
+    }
+    outcome = Outcome(series=None, pairs=pairs, records=records)
+    exact = {pair.name: 0.04 for pair in pairs}
+    return LadarOutcome(outcome, after, exact)
+
+
+@pytest.mark.parametrize(
+    ("distance", "error", "holds"),
+    [
+        (0.045, 0.1, [True, True, True, True, False, True]),
+        (0.05, 0.1, [True, False, False, True, False, True]),
+        (0.2, 5.0, [False, False, False, True, False, False]),
+    ],
+)
+def test_claims_follow_the_numbers(distance, error, holds):
+    found = _made_up({PAPER: distance, OTHER: 0.0}, {PAPER: error, OTHER: 0.0})
+    assert [claim.holds for claim in ladar_claims(found, PAPER)] == holds
+
+
+def test_remarks_tell_of_each_other_method_how_far_it_goes():
+    found = _made_up({PAPER: 0.2, OTHER: 0.05}, {PAPER: 5.0, OTHER: 0.01})
+    [remark] = ladar_remarks(found, PAPER)
+    assert remark.startswith(f"{OTHER} ends within the paper's mean distance on #1, #4.")
+    assert "solves #4 at 2 of 2 places and leaves 5.00 cm there, within the 5.77 cm" in remark
+
+
+def test_records_are_found_by_drive_and_start():
+    found = _made_up({PAPER: 0.05}, {PAPER: 0.1})
+    for drive in (CREEPING, WALKING):
+        records = found.records(drive, AS_TAKEN, PAPER)
+        assert [r.task.pair for r in records] == [pair.name for pair in found.pairs(drive)]
+        assert {r.task.start for r in records} == {AS_TAKEN}
+        assert found.solved(drive, AS_TAKEN, PAPER) == found.places == 2
+
+
+def test_the_experiment_is_watched(done, terrain):
+    seen = []
+
+    def watch(items, count, what):
+        seen.append((what, count))
+        return unwatched(items, count, what)
+
+    LADAR.examine(done.outcome, watch)
+    assert seen == [("measuring distances", len(DRIVES))]

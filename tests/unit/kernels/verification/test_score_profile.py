@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from reference import gaussian_scores as reference
+from reference.samples import gaussians
+from scanlock.arrays import read_only
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.verification.score_profile import slid_scores
+
+_STEP, _REACH = 0.5, 6
+
+
+def _slid(target, source, direction, across):
+    return slid_scores(
+        target.means,
+        target.packed_covariances,
+        target.widths,
+        target.weights(),
+        read_only(np.argsort(target.means @ across)),
+        source.means,
+        source.packed_covariances,
+        source.widths,
+        source.weights(),
+        read_only(direction),
+        read_only(across),
+        _STEP,
+        _REACH,
+        16.0,
+        25.0,
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_slide_scores_as_the_definition_says(seed):
+    rng = np.random.default_rng(seed)
+    target, source = gaussians(rng, 12, spread=3.0), gaussians(rng, 9, spread=3.0)
+    direction, across = np.linalg.qr(rng.normal(size=(3, 2)))[0].T.copy()
+    found = _slid(target, source, direction, across)
+    shifts = _STEP * np.arange(-_REACH, _REACH + 1)
+    expected = [
+        -reference.d2d_value(Pose(np.eye(3), shift * direction), target, source) for shift in shifts
+    ]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert max(expected) > 0.0
+
+
+def test_nothing_meets_nothing():
+    rng = np.random.default_rng(0)
+    none, some = gaussians(rng, 0), gaussians(rng, 3)
+    x, y = np.eye(3)[:2]
+    assert (_slid(none, some, x, y) == 0.0).all()
+    assert (_slid(some, none, x, y) == 0.0).all()

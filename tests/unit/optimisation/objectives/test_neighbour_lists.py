@@ -1,0 +1,232 @@
+import numpy as np
+import pytest
+
+from reference import gaussian_scores as reference
+from reference.samples import gaussians
+from scanlock.arrays import read_only
+from scanlock.geometry.pose import Pose
+from scanlock.kernels.gaussians.neighbour_lists import (
+    centre_and_arms,
+    sorted_by_cell,
+    targets_in_reach,
+)
+from scanlock.optimisation.objectives import neighbour_lists as module
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
+from scanlock.optimisation.objectives.neighbour_lists import NearPairs, Reach
+from scanlock.threads import using_threads
+
+
+class _Everyone:
+    """All targets for each source, whatever the distance."""
+
+    def __init__(self, targets):
+        self._list = np.array([0, targets]), np.arange(targets)
+
+    def at(self, places):
+        return tuple(read_only(part) for part in (np.zeros(len(places), np.int64), *self._list))
+
+
+def _step(rng, scale=1.0):
+    return Pose.from_step(scale * rng.normal(0.0, [5.0, 5.0, 1.0, 1.0, 1.0, 2.0]))
+
+
+def _pairs(lists):
+    """The set of all (source, target) of lists, each of which must come once."""
+    rows, starts, members = lists
+    found = [
+        (source, int(target))
+        for source, row in enumerate(rows)
+        if row >= 0
+        for target in members[starts[row] : starts[row + 1]]
+    ]
+    assert len(found) == len(set(found))
+    return set(found)
+
+
+def _all(near):
+    """The set of all (source, target) in all parts."""
+    return {
+        (near.rows(part).start + source, target)
+        for part in near.parts
+        for source, target in _pairs(near.lists(part))
+    }
+
+
+@pytest.mark.parametrize("spread", [0.0, 5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_targets_in_reach_are_those_of_the_definition(seed, spread):
+    rng = np.random.default_rng(seed)
+    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    pose = _step(rng, 0.1)
+    margins = rng.uniform(0.0, 5.0, 90)
+    *order, side, columns, rows = sorted_by_cell(target.means, target.widths, 3.0)
+    ends, members = targets_in_reach(
+        *(read_only(array) for array in order), side, columns, rows, target.widths.max(),
+        source.means, source.widths, read_only(margins), pose.rotation, pose.translation, 9.0,
+    )  # fmt: skip
+    places = pose.apply(source.means)
+    squares = ((places[:, None] - target.means) ** 2).sum(axis=2)
+    expected = squares < 9.0 * (source.widths[:, None] + target.widths) + margins[:, None]
+    found = _pairs((np.arange(90), ends, members))
+    assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
+    assert bool(found) == (spread < 2000.0)
+
+
+@pytest.mark.parametrize("side", [0.01, 1.0, 50.0])
+def test_sorted_targets_stand_in_their_cells_and_cells_are_not_too_many(side):
+    rng = np.random.default_rng(11)
+    means = rng.normal(0.0, [30.0, 10.0, 2.0], (500, 3))
+    widths = rng.uniform(0.1, 1.0, 500)
+    starts, order, inside, corner, used, columns, rows = sorted_by_cell(
+        read_only(means), read_only(widths), side
+    )
+    assert used >= side
+    assert max(columns, rows) <= 129
+    assert sorted(order.tolist()) == list(range(500))
+    np.testing.assert_array_equal(inside, np.column_stack([means, widths])[order].T)
+    cells = np.repeat(np.arange(columns * rows), np.diff(starts))
+    places = (inside[:2] - corner[:, None]) / used
+    for axis, cell in zip(places, (cells % columns, cells // columns), strict=True):
+        assert ((axis > cell - 1e-9) & (axis < cell + 1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 77])
+def test_centre_and_arms_are_those_of_the_definition(count):
+    means = np.random.default_rng(12).normal(40.0, 20.0, (count, 3))
+    centre, arms = centre_and_arms(read_only(means))
+    expected = means.mean(axis=0) if count else np.zeros(3)
+    np.testing.assert_allclose(centre, expected, rtol=1e-14)
+    np.testing.assert_allclose(arms, np.linalg.norm(means - expected, axis=1), atol=1e-12)
+
+
+def test_the_order_of_sources_changes_no_list():
+    # Neighbours in the order share a look at the grid; scattered ones do not.
+    rng = np.random.default_rng(13)
+    target, source = (gaussians(rng, 300, spread=15.0, most=0.8) for _ in range(2))
+    in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
+    pose = _step(rng, 0.1)
+    first, second = (
+        {(rows[i], j) for i, j in _all(NearPairs(Reach(target, source.taken(rows), 25.0), pose))}
+        for rows in (in_order, scattered)
+    )
+    assert first == second
+    assert len(first) > 500
+
+
+def test_far_places_and_empty_sets_have_nothing_in_reach():
+    rng = np.random.default_rng(5)
+    some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
+    for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
+        near = NearPairs(Reach(some, some, 25.0), Pose(np.eye(3), np.array(far)))
+        assert _all(near) == set()
+    for pair in ((some, none), (none, some)):
+        assert list(NearPairs(Reach(*pair, 25.0), Pose.identity()).parts) == []
+        both = GaussiansToGaussians(target=pair[0], source=pair[1])
+        for _ in range(2):
+            assert both.linearise(_step(rng)).value == 0
+
+
+@pytest.mark.parametrize("spread", [5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_pairs_in_reach_score_as_all_of_them_do(seed, spread):
+    rng = np.random.default_rng(seed)
+    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    pose = _step(rng)
+    both = {"target": target, "source": source, "shape": ScoreShape(sharpness=0.5)}
+    every = GaussiansToGaussians(**both, candidates=_Everyone(90)).linearise(pose)
+    found = GaussiansToGaussians(**both).linearise(pose)
+    expected = reference.d2d_value(pose, target, source, sharpness=0.5)
+    for one in (every, found):
+        np.testing.assert_allclose(one.value, expected, rtol=1e-11, atol=1e-300)
+    scale = np.abs(every.hessian).max()
+    np.testing.assert_allclose(found.hessian, every.hessian, rtol=0.0, atol=1e-12 * scale)
+
+
+def test_round_pairs_up_to_the_end_of_the_window_are_in_reach():
+    # Where all Gaussians are round the bound is the distance itself: any tighter one shows.
+    rng = np.random.default_rng(4)
+    target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
+    pose = _step(rng, 0.2)
+    s = reference.d2d_squared(
+        pose, target.means, target.covariances, source.means, source.covariances
+    )
+    assert ((s > 20.0) & (s < 25.0)).sum() > 50
+    within = set(zip(*(rows.tolist() for rows in np.nonzero(s < 25.0)), strict=True))
+    assert within <= _all(NearPairs(Reach(target, source, 25.0), pose))
+
+
+def test_lists_hold_until_something_may_have_moved_too_far():
+    rng = np.random.default_rng(6)
+    target, source = (gaussians(rng, 300, spread=20.0, most=0.8) for _ in range(2))
+    start = _step(rng, 0.1)
+    # Off its origin, so that a turn about that moves the sources as a whole as well.
+    source = source.transformed(Pose(np.eye(3), np.array([30.0, 0.0, 0.0])))
+    near = NearPairs(Reach(target, source, 25.0), start)
+    assert near.hold_at(start)
+    held = 0
+    for size in np.geomspace(1e-4, 0.5, 40):
+        pose = start.retract(size * rng.normal(size=6) * [1, 1, 1, 0.05, 0.05, 0.05])
+        moved = np.linalg.norm(pose.apply(source.means) - start.apply(source.means), axis=1).max()
+        if near.hold_at(pose):
+            held += 1
+            assert moved <= np.sqrt(near.reach.margins.max())
+            s = reference.d2d_squared(
+                pose, target.means, target.covariances, source.means, source.covariances
+            )
+            scored = {(i, j) for i, j in zip(*np.nonzero(s < 25.0), strict=True)}
+            assert scored <= _all(near)
+    assert 5 < held < 40
+
+
+def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
+    rng = np.random.default_rng(7)
+    target, source = (gaussians(rng, 200, spread=15.0, most=0.8) for _ in range(2))
+    made = []
+
+    def counted(*arguments):
+        made.append(arguments[1])
+        return NearPairs(*arguments)
+
+    monkeypatch.setattr("scanlock.optimisation.objectives.gaussian_scores.NearPairs", counted)
+    both = GaussiansToGaussians(target=target, source=source)
+    poses = [_step(rng, 0.05) for _ in range(4)]
+    close = [pose.retract(1e-6 * np.ones(6)) for pose in poses]
+    values = [both.linearise(pose).value for one in zip(poses, close, strict=True) for pose in one]
+    assert len(made) == 4
+    fresh = [
+        GaussiansToGaussians(target=target, source=source).linearise(pose).value
+        for one in zip(poses, close, strict=True)
+        for pose in one
+    ]
+    np.testing.assert_allclose(values, fresh, rtol=1e-12)
+
+
+def test_more_pairs_than_are_kept_are_listed_anew(monkeypatch):
+    rng = np.random.default_rng(8)
+    target, source = (gaussians(rng, 2500, spread=20.0) for _ in range(2))
+    pose = _step(rng, 0.1)
+    whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
+    monkeypatch.setattr(module, "_MOST_KEPT", 500)
+    near = NearPairs(Reach(target, source, 25.0), pose)
+    assert len(near.parts) == 3
+    for part in near.parts:
+        again, before = near.lists(part), near.lists(part)
+        assert (again is before) == (part == 0)
+    assert len(near._kept) == 1
+    parts = GaussiansToGaussians(target=target, source=source).linearise(pose)
+    assert parts.value == whole.value
+    np.testing.assert_array_equal(parts.hessian, whole.hessian)
+
+
+def test_the_same_bits_whatever_the_number_of_threads():
+    rng = np.random.default_rng(10)
+    target, source = (gaussians(rng, 3000, spread=25.0) for _ in range(2))
+    found = []
+    for count in (1, 2, 3, 7):
+        objective = GaussiansToGaussians(target=target, source=source)
+        with using_threads(count):
+            found.append([objective.linearise(_step(np.random.default_rng(1), 0.1)) for _ in "ab"])
+    for first, second in found:
+        for one in (first, second):
+            assert one.value == found[0][0].value
+            np.testing.assert_array_equal(one.hessian, found[0][0].hessian)

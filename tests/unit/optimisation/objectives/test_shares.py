@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from reference.samples import gaussians
+from scanlock.arrays import read_only
+from scanlock.clouds.point_tree import PointTree
+from scanlock.geometry.pose import Pose
+from scanlock.models.surface_points import SurfacePoints
+from scanlock.models.voxel_gaussians import VoxelGrid
+from scanlock.optimisation.objectives.candidates import NearestTarget
+from scanlock.optimisation.objectives.cell_scores import PointsToCells
+from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
+from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
+from scanlock.optimisation.objectives.point_pairs import PointPairs, point_precisions
+from scanlock.optimisation.solvers.problem import Parted, gathered
+
+_POSE = Pose.from_step(np.array([0.2, -0.1, 0.1, 0.02, -0.01, 0.03]))
+
+_NAMES = ["d2d", "d2d nearest", "p2d", "near-cells", "trilinear", "g-icp", "icp"]
+
+
+def _objectives():
+    rng = np.random.default_rng(3)
+    target, source = gaussians(rng, 60), gaussians(rng, 50)
+    points = read_only(rng.uniform(-10.0, 10.0, (80, 3)))
+    rows = read_only(rng.integers(80, size=50))
+    cells = VoxelGrid().gaussians(read_only(rng.uniform(-10.0, 10.0, (4000, 3))), 4.0)
+    packed = read_only(np.tile([0.1, 0.0, 0.0, 0.1, 0.0, 0.1], (80, 1)))
+    surface = SurfacePoints(points, packed)
+    tree = PointTree.from_points(target.means)
+    yield "d2d", GaussiansToGaussians(target=target, source=source)
+    yield (
+        "d2d nearest",
+        GaussiansToGaussians(target=target, source=source, candidates=NearestTarget(tree)),
+    )
+    yield "p2d", PointsToGaussians(target=target, points=points)
+    for meeting in ("near-cells", "trilinear"):
+        yield meeting, PointsToCells(target=cells, points=points, meeting=meeting)
+    partners = np.where(rng.random(80) < 0.7, rng.integers(80, size=80), -1)
+    yield "g-icp", DistributionPairs.at(_POSE, surface, surface, read_only(partners))
+    yield (
+        "icp",
+        PointPairs(
+            target=points,
+            source=points,
+            target_rows=read_only(rows[::-1]),
+            source_rows=rows,
+            precisions=read_only(point_precisions(rng.random(50))),
+        ),
+    )
+
+
+@pytest.mark.parametrize("name", _NAMES)
+def test_shares_add_up_to_the_whole(name):
+    objective = dict(_objectives())[name]
+    assert isinstance(objective, Parted), name
+    units = np.arange(len(objective.places)) * 7 % 5
+    whole, shares = objective.linearise(_POSE), objective.shares(_POSE, units)
+    assert len(shares.gradients) == 5
+    for values, sums in ((shares.gradients, whole.gradient), (shares.hessians, whole.hessian)):
+        atol = 1e-9 * np.abs(values).sum()
+        np.testing.assert_allclose(values.sum(axis=0), sums, rtol=1e-9, atol=atol)
+
+
+@pytest.mark.parametrize("name", _NAMES)
+def test_a_share_is_that_of_its_own_parts(name):
+    objective = dict(_objectives())[name]
+    places = objective.places
+    each = objective.shares(_POSE, np.arange(len(places))).gradients
+    strongest = int(np.argmax(np.linalg.norm(each, axis=1)))
+    units = (np.arange(len(places)) == strongest).astype(np.int64)
+    others, alone = objective.shares(_POSE, units).gradients
+    whole = objective.linearise(_POSE).gradient
+    np.testing.assert_allclose(alone, each[strongest], rtol=1e-9)
+    np.testing.assert_allclose(alone, whole - others, atol=1e-9)
+    # The force of one part turns about the axes by where that part lies, give or take its size.
+    y = _POSE.apply(places[strongest])
+    assert np.linalg.norm(alone[3:]) <= (np.linalg.norm(y) + 5.0) * np.linalg.norm(alone[:3])
+
+
+def test_rows_of_a_unit_lie_together():
+    order, runs = gathered(np.array([2, 0, 1, 0, 2]))
+    assert [order[run].tolist() for run in runs] == [[1, 3], [2], [0, 4]]

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.problem import Quadratic
+from scanlock.optimisation.solvers.staged import loosened, minimise_in_turn
+from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+
+
+class _Bowl:
+    """Least where the translation is at a place."""
+
+    count = 1
+
+    def __init__(self, place):
+        self._place = np.array(place, float)
+
+    def linearise(self, pose):
+        gap = pose.translation - self._place
+        hessian = np.zeros((6, 6))
+        hessian[:3, :3] = np.eye(3)
+        return Quadratic(-1.0 + 0.5 * gap @ gap, np.append(gap, np.zeros(3)), hessian)
+
+
+class _Nothing:
+    count = 1
+
+    def linearise(self, pose):
+        return Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
+
+
+def test_each_stage_begins_where_the_last_one_ended():
+    places = ([1.0, 0.0, 0.0], [1.0, 2.0, 0.0])
+    found = minimise_in_turn([(Newton(), _Bowl(place)) for place in places], Pose.identity())
+    np.testing.assert_allclose(found.pose.translation, places[1], atol=1e-6)
+    visited = [entry.pose.translation.tolist() for entry in found.history]
+    assert visited[0] == [0.0, 0.0, 0.0]
+    begins = [k for k, entry in enumerate(found.history) if entry.step_norm == 0.0]
+    assert len(begins) == 2
+    np.testing.assert_allclose(visited[begins[1]], places[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_stage_where_nothing_meets_is_passed_over(order):
+    stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Nothing())]
+    found = minimise_in_turn([stages[k] for k in order], Pose.identity())
+    assert found.reason.is_converged
+    np.testing.assert_allclose(found.pose.translation, [1.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_the_start_comes_back_untouched_where_nothing_meets_at_all():
+    start = Pose.from_step(np.arange(6.0))
+    found = minimise_in_turn([(Newton(), _Nothing())] * 2, start)
+    assert found.reason is StopReason.NO_SUPPORT
+    assert found.pose == start
+    assert len(found.history) == 2
+
+
+def test_a_solver_is_loosened_and_never_tightened():
+    solver = Newton(stopping=Stopping(step=1e-3, iterations=7))
+    assert loosened(solver, 0.1).stopping == Stopping(step=0.1, iterations=7)
+    assert loosened(solver, 1e-6) == solver

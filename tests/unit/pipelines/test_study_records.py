@@ -1,0 +1,167 @@
+import json
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from reference.samples import street, yaw_pose
+from scanlock import METHODS, Pose, SgcNdt
+from scanlock.errors import FormatError
+from scanlock.pipelines import study as study_module
+from scanlock.pipelines.starts import AroundTruth
+from scanlock.pipelines.study import FAILED, Study, StudyPair
+from scanlock.pipelines.study_records import read_records, record_keys, stored_records
+
+STEP = yaw_pose(0.1, (1.0 / 3.0, 0.4, 0.0))
+METHOD = METHODS["sgc-ndt-d2d"]
+
+
+@pytest.fixture(scope="module")
+def study():
+    """Two pairs of which the second has a scan without a point."""
+    scans = {
+        "a": street(1),
+        "b": STEP.inverse().apply(street(2)),
+        "c": np.full((9, 3), np.nan),
+    }
+    pairs = [StudyPair(target="a", source=name, truth=STEP) for name in ("b", "c")]
+    return Study(methods={"d2d": METHOD}, pairs=pairs, load=scans.__getitem__)
+
+
+@pytest.fixture
+def counted(monkeypatch):
+    """The number of registrations done, as a list of one."""
+    done = [0]
+    real = study_module.register
+
+    def register(*arguments, **keywords):
+        done[0] += 1
+        return real(*arguments, **keywords)
+
+    monkeypatch.setattr(study_module, "register", register)
+    return done
+
+
+def _stripped(record):
+    return replace(record, seconds=math.nan)
+
+
+def test_records_come_back_with_every_digit(study, tmp_path):
+    path = tmp_path / "records.jsonl"
+    made = list(stored_records(path, study, "here"))
+    assert [record.status for record in made] == ["ok", FAILED]
+    read = read_records(path)
+    assert list(read) == list(record_keys(study, "here").values())
+    for record, other in zip(made, read.values(), strict=True):
+        assert other == record
+        assert math.isnan(other.seconds)
+    assert math.isfinite(made[0].seconds)
+    assert made[0].pose.matrix.tobytes() == next(iter(read.values())).pose.matrix.tobytes()
+
+
+def test_lines_are_plain_json_with_units_and_without_times(study, tmp_path):
+    path = tmp_path / "records.jsonl"
+    list(stored_records(path, study, "here"))
+    good, bad = (json.loads(line) for line in path.read_text().splitlines())
+    assert not any("second" in key or "time" in key for key in good)
+    assert (good["pair"], good["method"], good["start"]) == ("a b", "d2d", "identity")
+    assert good["translation_error_m"] < 0.1
+    assert (bad["pose"], bad["overlap"]) == (None, None)
+    assert "scan c" in bad["reason"]
+
+
+def test_a_second_run_makes_nothing_and_changes_nothing(study, tmp_path, counted):
+    path = tmp_path / "records.jsonl"
+    first = list(stored_records(path, study, "here"))
+    before = path.read_bytes()
+    assert counted == [1]
+    assert list(stored_records(path, study, "here")) == first
+    assert counted == [1]
+    assert path.read_bytes() == before
+
+
+def test_an_interrupted_run_goes_on_to_the_same_bytes(study, tmp_path, counted):
+    whole, broken = tmp_path / "whole.jsonl", tmp_path / "broken.jsonl"
+    list(stored_records(whole, study, "here"))
+    records = stored_records(broken, study, "here")
+    next(records)
+    # What was handed out is on disk, before anything is closed.
+    assert len(read_records(broken)) == 1
+    records.close()
+    assert counted == [2]
+    list(stored_records(broken, study, "here"))
+    assert counted == [2]
+    assert broken.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize("kept", [1, 5, 40, -1])
+@pytest.mark.parametrize("padding", [b"", b"\0\0\0"])
+def test_a_line_that_was_cut_short_is_made_again(study, tmp_path, kept, padding):
+    path = tmp_path / "records.jsonl"
+    list(stored_records(path, study, "here"))
+    before = path.read_bytes()
+    first = before.index(b"\n") + 1
+    path.write_bytes(before[:first] + before[first:][:kept] + padding)
+    assert len(read_records(path)) == 1
+    list(stored_records(path, study, "here"))
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"methods": {"d2d": replace(METHOD, spacing=0.7)}},
+        {"methods": {"d2d": SgcNdt(score="p2d")}},
+        {"methods": {"other": METHOD}},
+        {"pairs": [StudyPair(target="a", source="b", truth=Pose.identity())]},
+        {"starts": AroundTruth(distances=(1.0,), angles=(0.0,))},
+    ],
+)
+def test_changed_studies_do_not_meet_old_records(study, change):
+    old = set(record_keys(study, "here").values())
+    assert not old & set(record_keys(replace(study, **change), "here").values())
+
+
+def test_scans_from_elsewhere_do_not_meet_old_records(study):
+    keys = [set(record_keys(study, where).values()) for where in ("here", "there")]
+    assert not keys[0] & keys[1]
+
+
+def test_further_methods_and_starts_leave_the_old_records_valid(study):
+    few = AroundTruth(distances=(1.0,), angles=(0.0,))
+    many = AroundTruth(distances=(1.0, 2.0), angles=(0.0, 0.1), repeats=2)
+    old = record_keys(replace(study, starts=few), "here")
+    more = {"d2d": METHOD, "p2d": METHODS["sgc-ndt-p2d"]}
+    new = record_keys(replace(study, methods=more, starts=many), "here")
+    assert old.items() <= new.items()
+    other = record_keys(replace(study, starts=replace(few, seed=1)), "here")
+    assert not set(old.values()) & set(other.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        (b"name,error\n1,2\n", "line 1"),
+        (b"no line end", "line 1"),
+        (b'{"key": "1"}\n', "line 1"),
+        (b'{"key": "1", "pose": [[1]]}\n', "line 1"),
+    ],
+)
+def test_other_files_are_refused_and_left_alone(study, tmp_path, text, where):
+    path = tmp_path / "table.csv"
+    path.write_bytes(text)
+    with pytest.raises(FormatError, match=f"{where}: expected a record"):
+        list(stored_records(path, study, "here"))
+    assert path.read_bytes() == text
+
+
+def test_a_record_is_synced_before_it_is_handed_out(study, tmp_path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.fstat(number).st_size))
+    path = tmp_path / "records.jsonl"
+    records = stored_records(path, study, "here")
+    next(records)
+    assert synced == [path.stat().st_size]
+    records.close()

@@ -1,0 +1,74 @@
+import numpy as np
+import pytest
+
+from reference.samples import gaussians, yaw_pose
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import exp_rotation
+from scanlock.models.gaussians import Gaussians
+from scanlock.registration.search.cluster_features import ClusterFeatures, PartKind
+
+
+def _part(*deviations, centre=(4.0, 5.0, 2.0)):
+    return Gaussians.from_covariances(
+        np.array([centre]), np.diag(np.square(deviations))[None], np.array([50])
+    )
+
+
+@pytest.mark.parametrize(
+    ("deviations", "kind", "axis"),
+    [
+        ((0.1, 0.1, 1.5), PartKind.THIN, [0, 0, 1]),
+        ((2.0, 0.3, 0.1), PartKind.THIN, [1, 0, 0]),
+        ((1.5, 0.1, 1.0), PartKind.FLAT, [0, 1, 0]),
+        ((0.5, 0.6, 0.4), PartKind.ROUND, [0, 0, 0]),
+    ],
+)
+def test_parts_are_thin_flat_or_round(deviations, kind, axis):
+    features = ClusterFeatures.of(_part(*deviations))
+    assert features.kinds.tolist() == [kind]
+    np.testing.assert_allclose(np.abs(features.axes[0]), axis, atol=1e-12)
+    np.testing.assert_allclose(features.shapes[0], np.log(sorted(deviations)))
+
+
+def test_heights_are_those_of_the_level_frame():
+    level_from_scan = Pose(exp_rotation(np.array([0.4, 0.0, 0.0])), np.array([0.0, 0.0, 1.7]))
+    upright = _part(0.1, 0.1, 0.8)
+    features = ClusterFeatures.of(upright.transformed(level_from_scan.inverse()), level_from_scan)
+    np.testing.assert_allclose(features.centres, upright.means, atol=1e-12)
+    np.testing.assert_allclose(features.stances[0], [np.log(0.8), 1.0, 2.0, 2.0 + 1.7 * 0.8])
+    assert features.level_from_scan is level_from_scan
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 2.0, -1.3])
+def test_the_heading_of_a_wall_turns_with_it(angle):
+    wall = _part(1.5, 0.2, 1.0).transformed(yaw_pose(angle, (0.0, 0.0, 0.0)))
+    expected = [np.cos(2 * angle), np.sin(2 * angle)]
+    np.testing.assert_allclose(ClusterFeatures.of(wall).headings[0], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("deviations", [(1.0, 0.7, 1.0), (0.4, 0.1, 2.0)])
+def test_bushes_and_poles_have_no_heading(deviations):
+    assert not ClusterFeatures.of(_part(*deviations)).headings.any()
+
+
+def test_shapes_and_kinds_survive_any_rotation():
+    parts = gaussians(np.random.default_rng(1), 60)
+    pose = Pose(exp_rotation(np.array([0.5, -1.0, 2.0])), np.array([3.0, 4.0, 5.0]))
+    one, other = ClusterFeatures.of(parts), ClusterFeatures.of(parts, pose)
+    assert len(one) == 60
+    assert set(one.kinds.tolist()) == set(PartKind)
+    np.testing.assert_array_equal(one.kinds, other.kinds)
+    np.testing.assert_allclose(one.shapes, other.shapes, atol=1e-9)
+    turned = one.axes @ pose.rotation.T
+    np.testing.assert_allclose((turned * other.axes).sum(1) ** 2, (one.axes**2).sum(1), atol=1e-6)
+
+
+def test_no_clusters_have_no_features():
+    none = Gaussians.from_covariances(np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0, np.int64))
+    assert len(ClusterFeatures.of(none)) == 0
+
+
+def test_features_cannot_be_written():
+    features = ClusterFeatures.of(_part(1.0, 1.0, 1.0))
+    with pytest.raises(ValueError, match="read-only"):
+        features.centres[0] = 0.0

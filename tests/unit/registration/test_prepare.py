@@ -1,0 +1,112 @@
+import math
+
+import numpy as np
+import pytest
+
+from reference.samples import street, yaw_pose
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import InvalidInput
+from scanlock.geometry.pose import Pose
+from scanlock.optimisation.objectives.constraints import PosePrior
+from scanlock.registration.methods.auto_scan import AutoScan
+from scanlock.registration.methods.sgc_ndt import SgcNdt
+from scanlock.registration.prepare import prepare
+from scanlock.registration.register import register
+from scanlock.registration.verification.features import find_evidence
+from scanlock.registration.verification.status import Status
+
+_MOTION = yaw_pose(0.2, (2.0, -1.0, 0.1))
+
+
+@pytest.fixture(scope="module")
+def scans():
+    return _MOTION.inverse().apply(street(2)), street(1)
+
+
+def test_a_prepared_scan_registers_as_the_scan_itself(scans):
+    source, target = scans
+    whole = register(source, target)
+    ready = [prepare(scan) for scan in scans]
+    for pair in (ready, (source, ready[1]), (ready[0], target)):
+        result = register(*pair)
+        assert result.target_from_source == whole.target_from_source
+        assert result.notes == whole.notes
+        assert result.method == whole.method
+    assert "ground" not in register(*ready).timings
+    assert "ground" in register(source, ready[1]).timings
+
+
+def test_a_scan_prepared_by_another_method_is_refused(scans):
+    source, target = scans
+    ready = prepare(target, method="sgc-ndt-p2d")
+    assert register(source, ready).method == "sgc-ndt-p2d"
+    with pytest.raises(InvalidInput, match=r"prepared the scan \(sgc-ndt-p2d\), got sgc-ndt-d2d"):
+        register(source, ready, method="sgc-ndt-d2d")
+    with pytest.raises(InvalidInput, match="prepared the scan"):
+        register(source, ready, method=SgcNdt(score="p2d", spacing=0.3))
+    assert register(source, ready, method=SgcNdt(score="p2d")).ok
+
+
+def test_a_prepared_scan_tells_what_was_found():
+    ready = prepare(np.insert(street(1), 7, np.nan, axis=0) + 1e5)
+    assert isinstance(ready.kept, AutoScan)
+    assert ready.shortage == ""
+    assert ready.notes[0] == "1 rows with NaN or Inf left out"
+    assert ready.notes[1].startswith("computed about the origin")
+    assert sum(note.startswith("ground found") for note in ready.notes) == 1
+    short = prepare(np.eye(3))
+    assert short.shortage.startswith("holds 0 parts besides the ground, of 4 needed")
+    assert short.evidence is None
+
+
+def test_evidence_is_clusters_or_else_cubes():
+    ready = prepare(street(1))
+    found = find_evidence(ready.cloud)
+    np.testing.assert_array_equal(found.gaussians.means, ready.evidence.gaussians.means)
+    rng = np.random.default_rng(0)
+    bare = np.column_stack([rng.uniform(-30, 30, (20000, 2)), rng.normal(-1.7, 0.02, 20000)])
+    cubes = find_evidence(prepare(bare).cloud)
+    assert len(cubes.gaussians) > 1000
+    assert cubes.notes[-1] == f"judged by {len(cubes.gaussians)} cubes of the scan"
+
+
+def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
+    # The same registration twice: far out on a map, and by hand about the clouds' own origins.
+    here = Pose(np.eye(3), np.array([500_000.0, 5_400_000.0, 100.0]))
+    believed = yaw_pose(0.25, (2.5, -1.0, 0.1))
+    covariance = np.diag([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-4])
+    source, target = (PointCloud.from_array(here.apply(scan)) for scan in scans)
+    prior = PosePrior(here @ believed @ here.inverse(), covariance)
+    mapped = register(source, target, prior=prior, method="sgc-ndt-d2d")
+    between = Pose(believed.rotation, believed.apply(source.origin - here.translation))
+    shifted = Pose(between.rotation, between.translation + here.translation - target.origin)
+    local = register(
+        source.points,
+        target.points,
+        initial=Pose(np.eye(3), source.origin - target.origin),
+        prior=PosePrior(shifted, covariance),
+        method="sgc-ndt-d2d",
+    )
+    found = mapped.target_from_source.apply(source.points + source.origin)
+    expected = local.target_from_source.apply(source.points) + target.origin
+    assert np.abs(found - expected).max() < 1e-6
+    # And it pulls: without it the pose lies farther from what is believed.
+    free = register(source, target, method="sgc-ndt-d2d")
+    gaps = [here.inverse() @ one.target_from_source @ here for one in (mapped, free)]
+    pulled, unpulled = (pose.distance(believed)[0] for pose in gaps)
+    assert pulled < 0.97 * unpulled
+
+
+def test_locked_directions_stay_as_in_the_initial_pose(scans):
+    source, target = scans
+    initial = Pose.from_step(np.array([0.0, 0.0, 0.2, 0.02, -0.01, 0.0]))
+    result = register(source, target, initial=initial, dof="xy+yaw")
+    pose = result.target_from_source
+    assert abs(pose.translation[2] - 0.2) < 1e-9
+    tilt = (pose.rotation @ initial.rotation.T)[2]
+    np.testing.assert_allclose(tilt, [0.0, 0.0, 1.0], atol=1e-9)
+    level = register(source, target, dof="xyz+yaw")
+    assert level.status is Status.OK
+    assert level.target_from_source.is_close(_MOTION, translation=0.1, rotation=math.radians(0.3))
+    with pytest.raises(InvalidInput, match="dof must be one of"):
+        register(source, target, dof="yaw")
