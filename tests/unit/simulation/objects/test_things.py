@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from scanlock.simulation import SurfaceClass, buildings, furniture, plants, traffic
+from scanlock.simulation import SurfaceClass
+from scanlock.simulation.objects import buildings, furniture, plants, traffic
 
 _THINGS = {
     "tree": (lambda r: plants.tree(r, height=9.0, crown_radius=2.5, trunk_radius=0.2),
