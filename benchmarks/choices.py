@@ -31,19 +31,19 @@ from scanlock.registration.methods.coarse_to_fine import (
     Scale,
 )
 from scanlock.registration.methods.sgc_ndt import SgcNdt
-from scanlock.segmentation.cluster_gaussians import Landmarks
+from scanlock.segmentation.cluster_gaussians import ClusterGaussians
 from tables import machine, print_table
 
-Prepare = Callable[[PointCloud], Landmarks]
-Align = Callable[[Landmarks, Landmarks, Pose], Pose]
+Prepare = Callable[[PointCloud], ClusterGaussians]
+Align = Callable[[ClusterGaussians, ClusterGaussians, Pose], Pose]
 
 DEFAULT = SgcNdt()
 POINT_WEIGHTS = SgcNdt(
-    schedule=CoarseToFine(scales=(*DEFAULT_SCALES[:-1], Scale(blur=0.0, largest_radius=1.5)))
+    schedule=CoarseToFine(scales=(*DEFAULT_SCALES[:-1], Scale(blur=0.0, max_radius=1.5)))
 )
 ONE_RADIUS = SgcNdt(
     schedule=CoarseToFine(
-        scales=tuple(Scale(blur=blur, largest_radius=3.0) for blur in (8.0, 4.0, 2.0, 1.0, 0.0))
+        scales=tuple(Scale(blur=blur, max_radius=3.0) for blur in (8.0, 4.0, 2.0, 1.0, 0.0))
     )
 )
 
@@ -52,7 +52,7 @@ def aligned_by(method: SgcNdt) -> Align:
     return lambda target, source, start: method.align(target, source, start).pose
 
 
-def multiplied(target: Landmarks, source: Landmarks, start: Pose) -> Pose:
+def multiplied(target: ClusterGaussians, source: ClusterGaussians, start: Pose) -> Pose:
     """Covariances multiplied by 10^2, 5^2, 2^2, 1 instead of blurs added."""
     pose = start
     for factor in (10.0, 5.0, 2.0, 1.0):
@@ -63,8 +63,8 @@ def multiplied(target: Landmarks, source: Landmarks, start: Pose) -> Pose:
     return pose
 
 
-def weighed(method: SgcNdt, weigh: Callable[[Landmarks, Gaussians], Gaussians]) -> Prepare:
-    def prepare(cloud: PointCloud) -> Landmarks:
+def weighed(method: SgcNdt, weigh: Callable[[ClusterGaussians, Gaussians], Gaussians]) -> Prepare:
+    def prepare(cloud: PointCloud) -> ClusterGaussians:
         marks = method.prepare(cloud)
         scales = tuple(weigh(marks, gaussians) for gaussians in marks.gaussians)
         return replace(marks, gaussians=scales)
@@ -72,14 +72,14 @@ def weighed(method: SgcNdt, weigh: Callable[[Landmarks, Gaussians], Gaussians]) 
     return prepare
 
 
-def voxel_weights(marks: Landmarks, gaussians: Gaussians) -> Gaussians:
+def voxel_weights(marks: ClusterGaussians, gaussians: Gaussians) -> Gaussians:
     """Weights by occupied voxels of 0.3 m nearest to each Gaussian instead of points."""
     _, owner = cKDTree(gaussians.means).query(voxel_means(marks.obstacles, 0.3))
     counts = np.maximum(np.bincount(owner, minlength=len(gaussians)), 1)
     return Gaussians.from_covariances(gaussians.means, gaussians.covariances, counts)
 
 
-def equal_weights(marks: Landmarks, gaussians: Gaussians) -> Gaussians:
+def equal_weights(marks: ClusterGaussians, gaussians: Gaussians) -> Gaussians:
     return Gaussians.from_covariances(
         gaussians.means, gaussians.covariances, np.ones_like(gaussians.counts)
     )

@@ -21,7 +21,7 @@ from scipy.stats import rankdata
 
 from scanlock.registration.registry import METHODS
 from scanlock.registration.verification import probability as confidence
-from scanlock.registration.verification.decision import LEAST_PROBABILITY
+from scanlock.registration.verification.decision import MIN_PROBABILITY
 from tables import machine, print_table
 
 _FOLDS = 5
@@ -123,8 +123,8 @@ def main() -> None:
     # Does not depend on the probability.
     refused = kept["barred"]
     print(f"{len(right)} trials; {machine()}\n")
-    held_ok = (held_out >= LEAST_PROBABILITY) & ~refused
-    ok = (current >= LEAST_PROBABILITY) & ~refused
+    held_ok = (held_out >= MIN_PROBABILITY) & ~refused
+    ok = (current >= MIN_PROBABILITY) & ~refused
     rows = [
         row("all, scene left out of the fit", held_out, right, held_ok),
         row("all, as in scanlock", current, right, ok),

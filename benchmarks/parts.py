@@ -25,9 +25,9 @@ from far_pairs import far_pair
 from scanlock.geometry.pose import Pose
 from scanlock.registration.methods.auto import Auto
 from scanlock.registration.methods.coarse_to_fine import DEFAULT_SCALES
-from scanlock.registration.methods.fine_ndt import FineStage
-from scanlock.registration.methods.multi_start import Descents
-from scanlock.registration.search.bev_correlation import HeadingSearch
+from scanlock.registration.methods.fine_ndt import FineNdt
+from scanlock.registration.methods.multi_start import MultiStart
+from scanlock.registration.search.bev_correlation import BevSearch
 from tables import machine, print_table
 from trials import Trial, tried
 
@@ -40,18 +40,20 @@ _NEAR_LEADING = tuple(replace(scale, is_entry=False) for scale in DEFAULT_SCALES
 VARIANTS: dict[str, Auto] = {
     "all parts": _FULL,
     "nothing tried in doubt": _SHALLOW,
-    "... and open ground says nothing": replace(_SHALLOW, search=HeadingSearch(openness=0.0)),
-    "... and no whitening": replace(_SHALLOW, search=HeadingSearch(whitening=0.0)),
-    "... and only the first hypothesis": replace(_SHALLOW, search=HeadingSearch(most=1)),
-    "... and not laid on the ground": replace(_SHALLOW, search=HeadingSearch(fits_ground=False)),
+    "... and open ground says nothing": replace(_SHALLOW, search=BevSearch(openness=0.0)),
+    "... and no whitening": replace(_SHALLOW, search=BevSearch(whitening=0.0)),
+    "... and only the first hypothesis": replace(_SHALLOW, search=BevSearch(most=1)),
+    "... and not laid on the ground": replace(_SHALLOW, search=BevSearch(fits_ground=False)),
     "... and no free space": replace(_SHALLOW, imager=None),
-    "... and near parts lead, from 2 m": replace(_SHALLOW, descents=Descents(scales=_NEAR_LEADING)),
+    "... and near parts lead, from 2 m": replace(
+        _SHALLOW, descents=MultiStart(scales=_NEAR_LEADING)
+    ),
     "matched clusters, no search": replace(_FULL, search=None, deeper=None),
     "neither: the identity's basin": replace(_SHALLOW, search=None),
     "no fine stage": replace(_FULL, fine=None),
-    "fine stage on one grid": replace(_FULL, fine=FineStage(offsets=(0.0,))),
-    "fine stage, cells of 0.5 m": replace(_FULL, fine=FineStage(widths=(0.5, 1.0, 2.0, 4.0))),
-    "fine stage, cells of 2 m": replace(_FULL, fine=FineStage(widths=(2.0, 4.0))),
+    "fine stage on one grid": replace(_FULL, fine=FineNdt(offsets=(0.0,))),
+    "fine stage, cells of 0.5 m": replace(_FULL, fine=FineNdt(widths=(0.5, 1.0, 2.0, 4.0))),
+    "fine stage, cells of 2 m": replace(_FULL, fine=FineNdt(widths=(2.0, 4.0))),
 }
 
 BASELINES = ((20.0, 30.0), (30.0, 40.0))

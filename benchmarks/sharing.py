@@ -20,7 +20,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.registration.methods.auto import Auto
-from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.register import register
 from scanlock.simulation import scan_pair
@@ -40,7 +40,7 @@ def stages() -> dict[str, Callable[[int], object]]:
     pair = scan_pair("street", "hdl_64e", seed=1)
     source, target = pair.source.points, pair.target.points
     clouds = [PointCloud.from_array(points) for points in (target, source)]
-    auto, fine = Auto(), FineStage()
+    auto, fine = Auto(), FineNdt()
     kept = [fine.prepare(cloud) for cloud in clouds]
 
     def shared(work: Callable[[], object]) -> Callable[[int], object]:

@@ -32,19 +32,19 @@ from scipy.stats import chi2
 from contenders import Cloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import log_rotation
-from scanlock.registration.methods.calibration import deviation_factor
+from scanlock.registration.methods.calibration import covariance_factor
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
-from scanlock.registration.uncertainty.pose_covariance import CovarianceWay
+from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
 from scanlock.simulation import scan_pair
 from split_scans import halves, scans
 from tables import machine, print_table
 
-TO_PLANES = Icp(fit=PairFit(step="gauss-newton", residual="point-to-plane"))
+TO_PLANES = Icp(fit=TransformEstimation(step="gauss-newton", residual="point-to-plane"))
 KINDS: dict[str, Method[Any]] = {
     "icp to planes": TO_PLANES,
     **{name: method for name, method in METHODS.items() if name != "icp-annealed"},
@@ -83,7 +83,7 @@ class Error:
 
 
 def tried(
-    way: CovarianceWay,
+    way: CovarianceMethod,
     source: PreparedScan,
     target: PreparedScan,
     truth: Pose,
@@ -101,7 +101,7 @@ def tried(
         return None
     matrix = result.covariance.matrix
     if raw and way == "sandwich":
-        matrix = matrix / deviation_factor(source.method) ** 2
+        matrix = matrix / covariance_factor(source.method) ** 2
     both, translation, rotation, tilt = (
         float(error[at] @ np.linalg.solve(matrix[at, at], error[at]))
         for at in (slice(0, 6), slice(0, 3), slice(3, 6), slice(3, 5))
@@ -166,7 +166,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, help="seed of the first pair, or that of its purpose")
     parser.add_argument("--methods", nargs="*", default=list(KINDS), choices=list(KINDS))
     parser.add_argument(
-        "--ways", nargs="*", default=["sandwich", "hessian"], choices=get_args(CovarianceWay)
+        "--ways", nargs="*", default=["sandwich", "hessian"], choices=get_args(CovarianceMethod)
     )
     parser.add_argument("--data", type=Path, default=os.environ.get("SCANLOCK_DATA"))
     parser.add_argument("--moves", type=int, default=4, help="moves of each real scan")

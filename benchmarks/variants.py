@@ -23,21 +23,21 @@ from scanlock.optimisation.solvers.line_search import Armijo, StrongWolfe
 from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine
-from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.methods.rejection import FixedGate, TrimmedGate
+from scanlock.registration.methods.rejection import FixedRejection, TrimmedRejection
 from scanlock.registration.methods.sgc_ndt import SgcNdt
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from tables import machine, print_table
 
-_PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
+_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
 
 SOLVERS = {
     "line-search Newton, Moré-Thuente": LineSearchNewton(line_search=MoreThuente()),
@@ -68,8 +68,8 @@ VARIANTS: dict[str, Method] = {
     "icp, madhavan2003, but thinned and with a k-d tree": replace(
         Icp.madhavan2003(), search="k-d tree", spacing=0.5
     ),
-    "icp, gate 10 m": Icp(pairing=Pairing(gate=FixedGate(distance=10.0))),
-    "icp, the closest 70 %": Icp(pairing=Pairing(gate=TrimmedGate(share=0.7))),
+    "icp, gate 10 m": Icp(pairing=CorrespondenceFinder(gate=FixedRejection(distance=10.0))),
+    "icp, the closest 70 %": Icp(pairing=CorrespondenceFinder(gate=TrimmedRejection(share=0.7))),
     "icp, to planes": Icp(fit=_PLANES),
     **{
         f"sgc-ndt-d2d, {name}": SgcNdt(schedule=CoarseToFine(solver=solver))

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
     from scanlock.registration.prepare import prepare as prepare
     from scanlock.registration.register import register as register
     from scanlock.registration.registry import METHODS as METHODS
-    from scanlock.registration.result import Registration as Registration
-    from scanlock.registration.uncertainty.estimators import Uncertainty as Uncertainty
+    from scanlock.registration.result import RegistrationResult as RegistrationResult
+    from scanlock.registration.uncertainty.estimators import (
+        CovarianceEstimator as CovarianceEstimator,
+    )
     from scanlock.registration.uncertainty.pose_covariance import PoseCovariance as PoseCovariance
     from scanlock.registration.verification.status import Status as Status
     from scanlock.registration.warm_up import warm_up as warm_up

@@ -78,10 +78,10 @@ def test_what_cannot_be_told_is_degenerate_and_named(name):
     world_from_target = yaw_pose(_YAW, (0.0, 0.0, 0.0)).rotation
     axes = {
         (one.kind, int(np.argmax(np.abs(world_from_target @ one.axis))))
-        for one in found.weak_directions
+        for one in found.degenerate_directions
     }
     assert axes == _OPEN[name]
-    assert all(one.name in found.reason for one in found.weak_directions)
+    assert all(one.name in found.reason for one in found.degenerate_directions)
 
 
 def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
@@ -89,8 +89,8 @@ def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
     along = yaw_pose(-_YAW, (0.0, 0.0, 0.0)).rotation @ np.array([1.0, 0.0, 0.0])
     believed = yaw_pose(0.0, tuple(2.0 * along)) @ truth
     free = register(source, target, method="gicp", initial=believed)
-    held = register(source, target, method="gicp", initial=believed, hold_weak=True)
-    (weak,) = free.weak_directions
+    held = register(source, target, method="gicp", initial=believed, fix_degenerate=True)
+    (weak,) = free.degenerate_directions
     gap = held.target_from_source.translation - believed.translation
     assert abs(weak.axis @ gap) < 1e-6
     across = held.target_from_source.translation - free.target_from_source.translation

@@ -134,7 +134,7 @@ def test_the_direction_along_which_a_scene_slides_is_named(method, name):
     turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
     found = register(turned, turned, method=method)
     assert found.status is Status.DEGENERATE
-    weak = [one for one in found.weak_directions if one.kind == "translation"]
+    weak = [one for one in found.degenerate_directions if one.kind == "translation"]
     assert str(weak[0]) in found.reason
     # A wall slides along itself any way; the floor of a corridor leaves but one.
     for x, y, z in (one.axis for one in weak):

@@ -12,7 +12,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
-from scanlock.registration.result import Registration
+from scanlock.registration.result import RegistrationResult
 
 pytestmark = pytest.mark.parametrize("method", METHODS)
 
@@ -53,7 +53,7 @@ def test_read_only_inputs_are_taken_too(method):
 def test_results_survive_a_pickle(method):
     found = result(method)
     again = pickle.loads(pickle.dumps(found))
-    assert isinstance(again, Registration)
+    assert isinstance(again, RegistrationResult)
     assert again.as_dict() == found.as_dict()
     assert again.target_from_source == found.target_from_source
     assert [entry.pose for entry in again.history] == [entry.pose for entry in found.history]

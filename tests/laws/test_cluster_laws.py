@@ -37,11 +37,11 @@ def test_any_flood_gives_the_same_clusters(seed, count, sectors, limit, test):
             lambda a, b: flood.means_are_close(a, b, limit),
         ),
         "densities": (
-            L2Distance(least_correlation=0.02 * limit, deviation_floor=0.5),
+            L2Distance(least_correlation=0.02 * limit, min_deviation=0.5),
             lambda a, b: flood.densities_correlate(a, b, 0.02 * limit, 0.5),
         ),
         "fit": (
-            GaussianFit(limit=limit, deviation_floor=0.5),
+            GaussianFit(limit=limit, min_deviation=0.5),
             lambda a, b: flood.one_gaussian_fits(a, b, limit, 0.5),
         ),
     }[test]

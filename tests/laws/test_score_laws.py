@@ -54,8 +54,12 @@ class _Scene:
             "end": 25.0 / sharpness,
         }
         # A turn moves what is far from the origin, and swings the ends of long Gaussians.
-        lever = float(np.abs(self.target.means).max()) + 3.0 * most
-        self.units = least / np.sqrt(sharpness) / np.array([1.0, 1.0, 1.0, lever, lever, lever])
+        rotation_scale = float(np.abs(self.target.means).max()) + 3.0 * most
+        self.units = (
+            least
+            / np.sqrt(sharpness)
+            / np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])
+        )
 
     @property
     def d2d(self):

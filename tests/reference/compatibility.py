@@ -25,20 +25,20 @@ def level_misfit(target, source, target_slack, source_slack, turns, tolerances, 
     if min(far) < least:
         return math.inf
     upward = sum(slack[2, 2] for slack in slacks)
-    misfit = (gaps[0][2] - gaps[1][2]) ** 2 / (base**2 + (slope * far[0]) ** 2 + upward)
+    outlier_ratio = (gaps[0][2] - gaps[1][2]) ** 2 / (base**2 + (slope * far[0]) ** 2 + upward)
     lines = [np.array([*gap[:2], 0.0]) / size for gap, size in zip(gaps, far, strict=True)]
     aside = [np.array([-line[1], line[0], 0.0]) for line in lines]
     along = sum(line @ slack @ line for line, slack in zip(lines, slacks, strict=True))
     across = sum(line @ slack @ line for line, slack in zip(aside, slacks, strict=True))
-    misfit += (far[0] - far[1]) ** 2 / (base**2 + along)
+    outlier_ratio += (far[0] - far[1]) ** 2 / (base**2 + along)
     spread = angle**2 + (base**2 + across) / (far[0] * far[1])
     turn = math.atan2(lines[0][1], lines[0][0]) - math.atan2(lines[1][1], lines[1][0])
     doubled = (math.cos(2 * turn), math.sin(2 * turn))
     held = [row for row in (a, b) if turns[row].any()]
-    misfit += sum(_sine_squared(turns[row], doubled) for row in held) / spread
+    outlier_ratio += sum(_sine_squared(turns[row], doubled) for row in held) / spread
     if len(held) == 2:
-        misfit += _sine_squared(turns[a], turns[b]) / (2 * angle**2)
-    return misfit
+        outlier_ratio += _sine_squared(turns[a], turns[b]) / (2 * angle**2)
+    return outlier_ratio
 
 
 def free_misfit(
@@ -55,19 +55,19 @@ def free_misfit(
     along = sum(line @ slack @ line for line, slack in zip(lines, slacks, strict=True))
     across = sum(float(np.trace(slack)) for slack in slacks) - along
     spread = angle**2 + (base**2 + across / 2) / (far[0] * far[1])
-    misfit = (far[0] - far[1]) ** 2 / (base**2 + along)
+    outlier_ratio = (far[0] - far[1]) ** 2 / (base**2 + along)
     for row in (a, b):
         cosines = abs(target_axes[row] @ lines[0]), abs(source_axes[row] @ lines[1])
-        misfit += (cosines[0] - cosines[1]) ** 2 / spread
+        outlier_ratio += (cosines[0] - cosines[1]) ** 2 / spread
     cosines = abs(target_axes[a] @ target_axes[b]), abs(source_axes[a] @ source_axes[b])
-    return misfit + (cosines[0] - cosines[1]) ** 2 / (2 * angle**2)
+    return outlier_ratio + (cosines[0] - cosines[1]) ** 2 / (2 * angle**2)
 
 
-def agreements(misfit, count, grades):
+def agreements(outlier_ratio, count, grades):
     """Whether each two matches agree, at each grade, of a function of two rows."""
     graph = np.zeros((len(grades), count, count), bool)
     for a, b in itertools.combinations(range(count), 2):
-        graph[:, a, b] = graph[:, b, a] = misfit(b, a) <= np.asarray(grades)
+        graph[:, a, b] = graph[:, b, a] = outlier_ratio(b, a) <= np.asarray(grades)
     return graph
 
 

@@ -12,21 +12,21 @@ def precision(target_covariance, source_covariance, rotation):
     return np.linalg.inv(target_covariance + rotation @ source_covariance @ rotation.T)
 
 
-def value(pose, held_at, pairs):
+def value(pose, fixed_at, pairs):
     """Mean of half the squared distance of ``(mu, C_t, x, C_s)``, precisions held at a pose."""
     total = 0.0
     for mu, target_covariance, x, source_covariance in pairs:
         d = pose.rotation @ x + pose.translation - mu
-        total += 0.5 * d @ precision(target_covariance, source_covariance, held_at.rotation) @ d
+        total += 0.5 * d @ precision(target_covariance, source_covariance, fixed_at.rotation) @ d
     return total / len(pairs)
 
 
-def gauss_newton(pose, held_at, pairs):
+def gauss_newton(pose, fixed_at, pairs):
     """Mean of ``J' B J`` with the Jacobian ``[I, -hat(y)]`` of a left step."""
     total = np.zeros((6, 6))
     for _, target_covariance, x, source_covariance in pairs:
         jacobian = np.hstack([np.eye(3), -hat(pose.rotation @ x + pose.translation)])
-        B = precision(target_covariance, source_covariance, held_at.rotation)
+        B = precision(target_covariance, source_covariance, fixed_at.rotation)
         total += jacobian.T @ B @ jacobian
     return total / len(pairs)
 

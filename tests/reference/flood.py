@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import multivariate_normal
 
 from reference import polar
-from reference.moments import floored
+from reference.moments import regularised
 
 
 def bins_of(points, sectors, edges):
@@ -72,16 +72,17 @@ def correlation(first_mean, first_covariance, second_mean, second_covariance):
     return overlap(*f, *g) / np.sqrt(overlap(*f, *f) * overlap(*g, *g))
 
 
-def densities_correlate(first, second, least_correlation, deviation_floor):
+def densities_correlate(first, second, least_correlation, min_deviation):
     f, g = (
-        (part.mean(axis=0), floored(covariance(part), deviation_floor)) for part in (first, second)
+        (part.mean(axis=0), regularised(covariance(part), min_deviation))
+        for part in (first, second)
     )
     return correlation(*f, *g) > least_correlation
 
 
-def one_gaussian_fits(first, second, limit, deviation_floor):
+def one_gaussian_fits(first, second, limit, min_deviation):
     """Whether the means lie within `limit` deviations of the scatter about their own means."""
     both = np.concatenate([first - first.mean(axis=0), second - second.mean(axis=0)])
-    pooled = floored(both.T @ both / len(both), deviation_floor)
+    pooled = regularised(both.T @ both / len(both), min_deviation)
     gap = first.mean(axis=0) - second.mean(axis=0)
     return np.sqrt(gap @ np.linalg.inv(pooled) @ gap) < limit

@@ -7,7 +7,7 @@ def summed(surface, origin):
     """Return the information, the gradient and what of the information is noise of the normals."""
     information, gradient, doubtful = np.zeros((6, 6)), np.zeros(6), np.zeros((6, 6))
     for place, normal, gap, doubt in zip(
-        surface.places, surface.normals, surface.gaps, surface.doubts, strict=True
+        surface.points, surface.normals, surface.residuals, surface.normal_covariances, strict=True
     ):
         weight = 1.0 / (1.0 + (gap / 0.1) ** 2)
 

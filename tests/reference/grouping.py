@@ -10,16 +10,16 @@ def numbered(cells):
     return [ranks.get(int(cell), -1) for cell in cells], occupied
 
 
-def pieces(points, rows, largest_radius):
+def pieces(points, rows, max_radius):
     """Sets of rows left when a part is halved across its longest axis until it is small."""
     part = points[list(rows)]
     gaps = part - part.mean(axis=0)
-    if np.linalg.norm(gaps, axis=1).max() <= largest_radius:
+    if np.linalg.norm(gaps, axis=1).max() <= max_radius:
         return {frozenset(rows)}
     longest = np.linalg.svd(gaps)[2][0]
     near = [row for row, gap in zip(rows, gaps, strict=True) if gap @ longest < 0]
     far = [row for row, gap in zip(rows, gaps, strict=True) if gap @ longest >= 0]
-    return pieces(points, near, largest_radius) | pieces(points, far, largest_radius)
+    return pieces(points, near, max_radius) | pieces(points, far, max_radius)
 
 
 def partition(labels):

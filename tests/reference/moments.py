@@ -16,7 +16,7 @@ def moments(points, labels, parts):
     return np.array(counts), np.array(means), np.array(covariances)
 
 
-def floored(covariance, deviation, ratio=0.0):
+def regularised(covariance, deviation, ratio=0.0):
     """The covariance with each principal variance raised to the floor, its axes kept."""
     variances, axes = np.linalg.eigh(covariance)
     least = max(deviation**2, ratio * max(variances))

@@ -38,7 +38,7 @@ def nearest_around(ranges, reach):
     return around
 
 
-def looked_through(ranges, points, weights, pose, margin, share, hidden_margin, hidden_share):
+def free_space_violation(ranges, points, weights, pose, margin, share, hidden_margin, hidden_share):
     """Points that could be seen, their weight, and the weight of those nearer than allowed."""
     count, known, before = 0, 0.0, 0.0
     for point, weight in zip(points, weights, strict=True):

@@ -10,11 +10,11 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.point_pairs import PointPairs
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
-from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.icp import Icp
-from scanlock.registration.methods.icp_history import IcpStopping
-from scanlock.registration.methods.rejection import FixedGate
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
+from scanlock.registration.methods.rejection import FixedRejection
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 pytestmark = pytest.mark.data
 
@@ -32,9 +32,9 @@ _with_each_gate = pytest.mark.parametrize("gate", [0.5, 1.0])
 
 def _icp(gate, residual="point-to-point", step="gauss-newton"):
     return Icp(
-        pairing=Pairing(gate=FixedGate(distance=gate)),
-        fit=PairFit(step=step, residual=residual),
-        stopping=IcpStopping(step=1e-8, iterations=500),
+        pairing=CorrespondenceFinder(gate=FixedRejection(distance=gate)),
+        fit=TransformEstimation(step=step, residual=residual),
+        criteria=IcpConvergenceCriteria(step=1e-8, iterations=500),
     )
 
 
@@ -133,7 +133,7 @@ def test_points_and_planes_end_where_open3d_ends(scan_data, pair, gate, kind, re
 
 def _by_axes(kept, start, gate, normals):
     """Where our pairs and steps end with another residual: ``n_x d_x, n_y d_y, n_z d_z``."""
-    pairing, pose = Pairing(gate=FixedGate(distance=gate)), start
+    pairing, pose = CorrespondenceFinder(gate=FixedRejection(distance=gate)), start
     for _ in range(100):
         pairs = pairing.pair(*kept, pose, math.inf, math.inf, "point-to-point")
         precisions = np.zeros((len(pairs), 6))

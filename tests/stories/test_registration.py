@@ -37,8 +37,8 @@ def test_no_start_is_needed_whatever_the_heading():
     assert found.ok, found.reason
     assert found.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
     # And it says how it knows: one pose was found, and none that comes near it.
-    assert found.candidates[0].maker == "heading search"
-    assert found.second_best < 0.5
+    assert found.candidates[0].proposed_by == "heading search"
+    assert found.runner_up_ratio < 0.5
 
     # A start that is wrong by anything does no harm.
     misled = scanlock.register(scene, reference, initial=yaw_pose(-1.0, (-20.0, 9.0, 0.0)))

@@ -9,11 +9,11 @@ from scanlock.cli.console import Facts, print_facts, print_status, print_table
 if TYPE_CHECKING:
     from scanlock.arrays import Vector
     from scanlock.geometry.pose import Pose
-    from scanlock.registration.result import Registration
+    from scanlock.registration.result import RegistrationResult
 
 
 def show_registration(
-    result: "Registration",
+    result: "RegistrationResult",
     reference: str,
     scene: str,
     *,
@@ -49,7 +49,7 @@ def show_registration(
         rows.append(("error", _error(result.target_from_source, truth)))
     rows.append(("right", f"with a probability of {result.probability:.3f}"))
     rows.extend(metric_rows(result.metrics))
-    rows.extend(direction_rows(result.weak_directions))
+    rows.extend(direction_rows(result.degenerate_directions))
     if result.covariance is not None:
         rows.append(("deviation", result.covariance.as_text()))
     if result.candidates:
@@ -63,7 +63,7 @@ def show_registration(
     print_facts(rows)
 
 
-def show_history(result: "Registration") -> None:
+def show_history(result: "RegistrationResult") -> None:
     """Print every evaluation of the objective on the way, in the runs of the solver."""
     heads = ("run", "evaluation", "value", "step [m]", "gradient", "accepted")
     rows = [
@@ -80,7 +80,7 @@ def show_history(result: "Registration") -> None:
     print_table(heads, rows)
 
 
-def history_content(result: "Registration") -> list[dict[str, Any]]:
+def history_content(result: "RegistrationResult") -> list[dict[str, Any]]:
     """Return every evaluation of the objective as plain numbers for JSON.
 
     The solver runs once at each scale of each descent; a run begins by evaluating the pose that
@@ -102,7 +102,7 @@ def history_content(result: "Registration") -> list[dict[str, Any]]:
     return content
 
 
-def _motion(result: "Registration") -> Facts:
+def _motion(result: "RegistrationResult") -> Facts:
     from scanlock.geometry.rotations import log_rotation
 
     pose, place = result.target_from_source, result.frames.place
@@ -125,13 +125,13 @@ def _triple(values: "Vector | list[float]", digits: int) -> str:
     return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
 
 
-def _choice(result: "Registration") -> str:
-    found = f"by {result.candidates[0].maker}"
+def _choice(result: "RegistrationResult") -> str:
+    found = f"by {result.candidates[0].proposed_by}"
     rivals = len(result.candidates) - 1
     return f"{found}; no rival" if rivals == 0 else f"{found}; {rivals} rivals"
 
 
-def _pose(result: "Registration") -> Facts:
+def _pose(result: "RegistrationResult") -> Facts:
     said = "rotation and translation [m], reference from scene"
     frames = result.frames
     if not (frames.is_on_map or frames.target_origin.any()):

@@ -10,7 +10,7 @@ from scanlock.errors import InvalidInput, require_positive
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Spread:
+class BoxPlot:
     """A box and its whiskers.
 
     Attributes
@@ -35,7 +35,7 @@ class Spread:
         frozen(self.outliers)
 
 
-def spread(values: ArrayLike, reach: float = 1.5) -> Spread:
+def spread(values: ArrayLike, reach: float = 1.5) -> BoxPlot:
     """Return the spread of values; those that are not finite are left out.
 
     Parameters
@@ -58,6 +58,6 @@ def spread(values: ArrayLike, reach: float = 1.5) -> Spread:
     length = reach * (upper - lower)
     is_inside = (kept >= lower - length) & (kept <= upper + length)
     inside = kept[is_inside]
-    return Spread(
+    return BoxPlot(
         len(kept), float(inside[0]), lower, median, upper, float(inside[-1]), kept[~is_inside]
     )

@@ -3,14 +3,14 @@
 from dataclasses import replace
 
 from scanlock.experiments.experiment import Contender
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
-from scanlock.optimisation.solvers.stopping import Stopping
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine
-from scanlock.registration.methods.correspondences import Pairing
+from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.icp import Icp, IcpStopping
+from scanlock.registration.methods.icp import Icp, IcpConvergenceCriteria
 from scanlock.registration.methods.ndt import Ndt
-from scanlock.registration.methods.rejection import FixedGate
+from scanlock.registration.methods.rejection import FixedRejection
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
@@ -48,7 +48,7 @@ _ONE_SCALE = (
 
 def sgc_contenders() -> list[Contender]:
     """Return SGC-NDT both ways, as scanlock has it and as it is printed."""
-    solver = Newton(stopping=Stopping(gradient=_TOLERANCE, step=_TOLERANCE))
+    solver = Newton(criteria=ConvergenceCriteria(gradient=_TOLERANCE, step=_TOLERANCE))
     all_scales = CoarseToFine(solver=solver)
     one_scale = CoarseToFine(scales=PAPER_SCALES, solver=solver)
     p2d, d2d = SgcNdt(score="p2d", schedule=all_scales), SgcNdt(score="d2d", schedule=all_scales)
@@ -63,9 +63,9 @@ def sgc_contenders() -> list[Contender]:
 def icp_contender() -> Contender:
     """Return ICP as the paper has it."""
     method = Icp(
-        pairing=Pairing(gate=FixedGate(distance=_FARTHEST)),
+        pairing=CorrespondenceFinder(gate=FixedRejection(distance=_FARTHEST)),
         spacing=_SPACING,
-        stopping=IcpStopping(step=_TOLERANCE, iterations=_ROUNDS),
+        criteria=IcpConvergenceCriteria(step=_TOLERANCE, iterations=_ROUNDS),
     )
     return Contender(name=ICP, method=method, remark=f"point to point, {_PAIRING}")
 

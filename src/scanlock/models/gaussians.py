@@ -142,7 +142,7 @@ class Gaussians:
         """Return the Gaussians at the given rows, in that order."""
         return Gaussians(self.means[rows], self.packed_covariances[rows], self.counts[rows])
 
-    def floored(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
+    def regularised(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
         """Return the same Gaussians with no principal deviation too small to invert.
 
         Parameters
@@ -164,7 +164,7 @@ class Gaussians:
         require_positive("factor", factor)
         return self._reshaped(self.packed_covariances * factor**2, self.variances * factor**2)
 
-    def widened(self, deviation: float) -> "Gaussians":
+    def inflated(self, deviation: float) -> "Gaussians":
         """Return the Gaussians blurred by an isotropic one of standard deviation [m]."""
         require_at_least("deviation", deviation, 0.0, unit="m")
         return self._reshaped(

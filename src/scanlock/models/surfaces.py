@@ -23,7 +23,7 @@ whether its neighbours are flat or not. ``"ellipsoid"`` keeps the proportions of
 own variances, largest 1 and none below the thinness: wires and foliage then are no planes.
 """
 
-LEAST_NEIGHBOURS = 4
+MIN_NEIGHBOURS = 4
 """Three points always lie in a plane, whatever the surface: the fourth tells."""
 
 _PACKED_ROWS = [0, 0, 0, 1, 1, 2]
@@ -32,7 +32,7 @@ _PACKED_COLUMNS = [0, 1, 2, 1, 2, 2]
 
 def require_surface(neighbours: int, shape: SurfaceShape, thinness: float) -> None:
     """Raise `InvalidInput` unless `surface_covariances` can take these settings."""
-    require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
+    require_count("neighbours", neighbours, MIN_NEIGHBOURS)
     if shape not in ("plane", "ellipsoid"):
         raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
     require_positive("thinness", thinness, unit="m^2")
@@ -75,7 +75,7 @@ class Neighbourhoods:
         InvalidInput
             Fewer than 4 neighbours.
         """
-        require_count("neighbours", neighbours, LEAST_NEIGHBOURS)
+        require_count("neighbours", neighbours, MIN_NEIGHBOURS)
         tree = points if isinstance(points, PointTree) else PointTree.from_points(points)
         covariances = tree.neighbour_covariances(min(neighbours, len(tree)))
         variances, axes = principal_axes(read_only(covariances))

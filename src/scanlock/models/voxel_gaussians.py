@@ -67,7 +67,7 @@ class VoxelGrid:
     variance_ratio: float = 0.01
     """Variances are raised to this share of the largest of their Gaussian (Magnusson 2009)."""
 
-    deviation_floor: float = 0.01
+    min_deviation: float = 0.01
     """Least standard deviation of a Gaussian along any axis [m]: the noise of a good sensor."""
 
     offset: float = 0.0
@@ -77,7 +77,7 @@ class VoxelGrid:
         # The spread of fewer points has no estimate.
         require_count("least_count", self.least_count, 2)
         require_fraction("variance_ratio", self.variance_ratio)
-        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_positive("deviation_floor", self.min_deviation, unit="m")
         require_fraction("offset", self.offset)
 
     def gaussians(self, points: Points, width: float) -> VoxelGaussians:
@@ -90,7 +90,7 @@ class VoxelGrid:
         cells, counts, means, packed = voxel_moments(points, width, corner, self.least_count)
         unbiased = packed * (counts / (counts - 1.0))[:, None]
         return VoxelGaussians(
-            Gaussians(means, unbiased, counts).floored(self.deviation_floor, self.variance_ratio),
+            Gaussians(means, unbiased, counts).regularised(self.min_deviation, self.variance_ratio),
             cells,
             corner,
             width,

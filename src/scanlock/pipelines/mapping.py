@@ -14,7 +14,7 @@ from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import DEFAULT_METHOD
-from scanlock.registration.result import Registration
+from scanlock.registration.result import RegistrationResult
 
 Guess = Literal["identity", "velocity"]
 """Where each registration begins: at no motion, as in Das et al. 2013, or at the last motion."""
@@ -36,7 +36,7 @@ class MappedScan:
 
     cloud: PointCloud
     pose: Pose
-    registration: Registration | None
+    registration: RegistrationResult | None
 
     @property
     def ok(self) -> bool:

@@ -18,7 +18,7 @@ from scanlock.pipelines.starts import FromIdentity, StartPlan
 from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
-from scanlock.registration.result import Registration
+from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.status import Status
 
 _Made = TypeVar("_Made", PointCloud, PreparedScan)
@@ -69,7 +69,7 @@ class StudyRecord:
     start, pose : Pose or None
         Where the registration began and ended, target from source; None where it failed.
     overlap, score : float
-        As in `Registration`; NaN where nothing was registered.
+        As in `RegistrationResult`; NaN where nothing was registered.
     evaluations : int
         How often the objective was evaluated.
     mean_distance : float [m]
@@ -239,7 +239,7 @@ def _recorded(
     task: StudyTask,
     pair: StudyPair,
     start: Pose,
-    result: Registration,
+    result: RegistrationResult,
     centre: Vector,
     seconds: float,
 ) -> StudyRecord:

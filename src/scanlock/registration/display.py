@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.observability import DirectionObservability
 
 Rows = list[tuple[str, str]]
 """Names and what is said of them."""
@@ -19,23 +19,30 @@ def metric_rows(metrics: Metrics) -> Rows:
         rows.append(("overlap", f"{met}, {metrics.target_overlap:.0%} of the target the source"))
         rows.append(("score", f"{metrics.score:.2f}, of 1 for identical scans"))
     if not math.isnan(metrics.inlier_rmse):
-        found = f"{metrics.surface_overlap:.0%} of the source finds a surface"
+        found = f"{metrics.fitness:.0%} of the source finds a surface"
         rows.append(("inlier rmse", f"{metrics.inlier_rmse:.3f} m to the surface; {found}"))
     if not math.isnan(metrics.roughness):
         rows.append(("roughness", f"{metrics.roughness:.3f} m of each scan to its own surface"))
-    if not math.isnan(metrics.misfit):
-        rows.append(("misfit", f"{metrics.misfit:.0%} lies off the surface more than it scatters"))
-    if not math.isnan(metrics.drift):
-        rows.append(("drift", f"{metrics.drift:.3f} m, to where it comes to rest on the surfaces"))
+    if not math.isnan(metrics.outlier_ratio):
+        rows.append(
+            ("misfit", f"{metrics.outlier_ratio:.0%} lies off the surface more than it scatters")
+        )
+    if not math.isnan(metrics.refinement_shift):
+        rows.append(
+            (
+                "drift",
+                f"{metrics.refinement_shift:.3f} m, to where it comes to rest on the surfaces",
+            )
+        )
     if not math.isnan(metrics.violation):
         seen = "of what either scan shows stands where the other looked through"
         rows.append(("violation", f"{metrics.violation:.0%} {seen}"))
-    if not math.isnan(metrics.second_best):
-        rows.append(("second best", f"another pose agrees {metrics.second_best:.0%} as well"))
+    if not math.isnan(metrics.runner_up_ratio):
+        rows.append(("second best", f"another pose agrees {metrics.runner_up_ratio:.0%} as well"))
     return rows
 
 
-def direction_rows(weak: Sequence[HeldDirection]) -> Rows:
+def direction_rows(weak: Sequence[DirectionObservability]) -> Rows:
     """Return what is said of the directions that the scans leave open."""
     return [("weak", "; ".join(str(one) for one in weak))] if weak else []
 

@@ -11,7 +11,7 @@ from scanlock.geometry.pose import Pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frames:
+class LocalOrigins:
     """Where the local frames of two scans lie in the caller's, and where the source is.
 
     Coordinates of a map are large, and a turn about their zero is a long way: they are computed
@@ -35,12 +35,12 @@ class Frames:
             frozen(array)
 
     @classmethod
-    def of_sensors(cls) -> "Frames":
+    def of_sensors(cls) -> "LocalOrigins":
         """Return those of scans in their sensors' frames of which nothing more is known."""
         return cls(np.zeros(3), np.zeros(3), np.zeros(3))
 
     @classmethod
-    def of_clouds(cls, target: PointCloud, source: PointCloud) -> "Frames":
+    def of_clouds(cls, target: PointCloud, source: PointCloud) -> "LocalOrigins":
         """Return those of two scans."""
         return cls(target.origin, source.origin, source.centroid)
 
@@ -87,6 +87,6 @@ class Frames:
         }
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Frames, tuple(
+        return LocalOrigins, tuple(
             np.array(one) for one in (self.target_origin, self.source_origin, self.source_centroid)
         )

@@ -10,10 +10,14 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.interrupts import plain_interrupts
 from scanlock.registration.methods.auto_scan import AutoScan
-from scanlock.registration.methods.protocol import Kept, Method
+from scanlock.registration.methods.protocol import Method, Prepared
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
-from scanlock.registration.verification.features import Evidence, evidence_of, find_evidence
-from scanlock.segmentation.cluster_gaussians import LEAST_PARTS, Landmarks
+from scanlock.registration.verification.features import (
+    VerificationFeatures,
+    extract_features,
+    features_from_clusters,
+)
+from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS, ClusterGaussians
 from scanlock.timing import StageClock
 
 
@@ -39,9 +43,9 @@ class PreparedScan:
 
     method: Method[Any]
     name: str
-    kept: Kept
-    evidence: Evidence | None
-    shortage: str
+    kept: Prepared
+    features: VerificationFeatures | None
+    insufficient: str
     timings: dict[str, float]
 
     @property
@@ -52,7 +56,7 @@ class PreparedScan:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found on the way that a user may want to know."""
-        found = () if self.evidence is None else self.evidence.notes
+        found = () if self.features is None else self.features.notes
         notes = dict.fromkeys((*self.kept.notes, *found))
         return (*_remarks(self.cloud), *notes)
 
@@ -113,20 +117,22 @@ def prepare(
     clock = StageClock()
     with clock.stage("check"):
         cloud = PointCloud.from_array(scan, role)
-    kept: Kept = chosen.prepare(cloud)
+    kept: Prepared = chosen.prepare(cloud)
     clock.seconds.update(kept.timings)
-    if kept.shortage:
-        return PreparedScan(chosen, name, kept, None, kept.shortage, clock.seconds)
+    if kept.insufficient:
+        return PreparedScan(chosen, name, kept, None, kept.insufficient, clock.seconds)
     with clock.stage("evidence"):
         if isinstance(kept, AutoScan):
-            evidence = kept.evidence
-        elif isinstance(kept, Landmarks):
-            evidence = evidence_of(kept)
+            features = kept.features
+        elif isinstance(kept, ClusterGaussians):
+            features = features_from_clusters(kept)
         else:
-            evidence = find_evidence(cloud)
-    parts = len(evidence.gaussians)
-    shortage = "" if parts >= LEAST_PARTS else f"holds {parts} parts, of {LEAST_PARTS} needed"
-    return PreparedScan(chosen, name, kept, evidence, shortage, clock.seconds)
+            features = extract_features(cloud)
+    parts = len(features.gaussians)
+    insufficient = (
+        "" if parts >= MIN_GAUSSIANS else f"holds {parts} parts, of {MIN_GAUSSIANS} needed"
+    )
+    return PreparedScan(chosen, name, kept, features, insufficient, clock.seconds)
 
 
 def named_method(method: str | Method[Any]) -> tuple[str, Method[Any]]:

@@ -12,18 +12,18 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
-from scanlock.optimisation.objectives.constraints import DegreesOfFreedom, PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import Constraints, DegreesOfFreedom, PosePrior
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.registration.local_origins import Frames
-from scanlock.registration.methods.calibration import deviation_factor
-from scanlock.registration.methods.protocol import Found, Method, Search
+from scanlock.registration.local_origins import LocalOrigins
+from scanlock.registration.methods.calibration import covariance_factor
+from scanlock.registration.methods.protocol import Method, Search, SearchResult
 from scanlock.registration.prepare import PreparedScan, named_method, prepare
 from scanlock.registration.registry import DEFAULT_METHOD
-from scanlock.registration.result import Registration
-from scanlock.registration.uncertainty.estimators import Uncertainty
-from scanlock.registration.uncertainty.pose_covariance import CovarianceWay, PoseCovariance
-from scanlock.registration.verification.assessment import inspect
-from scanlock.registration.verification.decision import judge
+from scanlock.registration.result import RegistrationResult
+from scanlock.registration.uncertainty.estimators import CovarianceEstimator
+from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
+from scanlock.registration.verification.assessment import assess_pose
+from scanlock.registration.verification.decision import decide
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
@@ -43,10 +43,10 @@ def register(
     initial: ArrayLike | Pose | None = None,
     dof: DegreesOfFreedom = "xyz+rpy",
     prior: PosePrior | None = None,
-    hold_weak: bool = False,
-    covariance: CovarianceWay | Uncertainty | None = None,
+    fix_degenerate: bool = False,
+    covariance: CovarianceMethod | CovarianceEstimator | None = None,
     threads: int = 1,
-) -> Registration:
+) -> RegistrationResult:
     """Return the pose that carries the source scan onto the target scan.
 
     Parameters
@@ -95,84 +95,88 @@ def register(
     begin = time.perf_counter()
     name, chosen = _method(method, source, target)
     start, mended = _start(initial)
-    Restraint(dof=dof)
-    if hold_weak and prior is None and initial is None:
+    Constraints(dof=dof)
+    if fix_degenerate and prior is None and initial is None:
         raise InvalidInput(
             "hold_weak needs a pose to hold weak directions at: give prior or initial"
         )
-    uncertainty = Uncertainty(way=covariance) if isinstance(covariance, str) else covariance
+    uncertainty = CovarianceEstimator(way=covariance) if isinstance(covariance, str) else covariance
     with using_threads(threads):
-        sides = spread(lambda side: _ready(*side, chosen), ((target, "target"), (source, "source")))
+        prepared = spread(
+            lambda side: _ready(*side, chosen), ((target, "target"), (source, "source"))
+        )
     clock = StageClock()
-    for scan, side in zip((target, source), sides, strict=True):
+    for scan, side in zip((target, source), prepared, strict=True):
         if not isinstance(scan, PreparedScan):
             for stage, seconds in side.timings.items():
                 clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
     notes = [
         f"{role}: {note}"
-        for role, side in zip(("target", "source"), sides, strict=True)
+        for role, side in zip(("target", "source"), prepared, strict=True)
         for note in side.notes
     ] + mended
-    clouds = sides[0].cloud, sides[1].cloud
-    frames = Frames.of_clouds(*clouds)
-    shortages = [side.shortage for side in sides]
-    evidence = [side.evidence for side in sides]
-    if any(shortages) or evidence[0] is None or evidence[1] is None:
+    clouds = prepared[0].cloud, prepared[1].cloud
+    frames = LocalOrigins.of_clouds(*clouds)
+    shortages = [side.insufficient for side in prepared]
+    features = [side.features for side in prepared]
+    if any(shortages) or features[0] is None or features[1] is None:
         role = "target" if shortages[0] else "source"
         reason = f"the {role} {shortages[0] or shortages[1]}"
         clock.seconds["total"] = time.perf_counter() - begin
-        return Registration(
+        return RegistrationResult(
             start, Status.NO_CORRESPONDENCES, reason, name, Metrics(), 0.0, (), (), clock.seconds,
             tuple(notes), frames=frames,
         )  # fmt: skip
 
     with clock.stage("align"):
-        restraint = Restraint(dof=dof, prior=_local_prior(prior, frames))
-        kept, begins = (sides[0].kept, sides[1].kept), frames.local(start)
+        constraints = Constraints(dof=dof, prior=_local_prior(prior, frames))
+        kept, begins = (prepared[0].kept, prepared[1].kept), frames.local(start)
         # Coordinates of a map say where the scans lie, as an initial pose does.
         is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
         with using_threads(threads):
             if isinstance(chosen, Search):
-                found = chosen.find(*kept, begins if is_placed else None, restraint)
+                found = chosen.find(*kept, begins if is_placed else None, constraints)
             else:
-                found = Found(chosen.align(*kept, begins, restraint), ())
+                found = SearchResult(chosen.align(*kept, begins, constraints), ())
         solution = found.solution
     with clock.stage("verdict"):
-        looked_at = evidence[0], evidence[1]
-        found_at = inspect(*looked_at, solution.pose, found.candidates, found.rival)
-        if hold_weak and found_at.weak:
-            believed = restraint.prior
+        both_features = features[0], features[1]
+        assessment = assess_pose(*both_features, solution.pose, found.candidates, found.rival)
+        if fix_degenerate and assessment.degenerate:
+            believed = constraints.prior
             at = "initial pose" if believed is None else "prior"
-            notes += [f"{one.name} held at the {at}" for one in found_at.weak]
-            held_at = begins if believed is None else believed.pose
-            solution = replace(solution, pose=found_at.given_back(solution.pose, held_at))
-            found_at = inspect(*looked_at, solution.pose)
-        probable = probability(found_at.metrics, found_at.directions)
-        status, reason = judge(solution, found_at, probable)
-    sure = None
+            notes += [f"{one.name} held at the {at}" for one in assessment.degenerate]
+            fixed_at = begins if believed is None else believed.pose
+            solution = replace(solution, pose=assessment.fix_degenerate(solution.pose, fixed_at))
+            assessment = assess_pose(*both_features, solution.pose)
+        probability_right = probability(assessment.metrics, assessment.directions)
+        status, reason = decide(solution, assessment, probability_right)
+    pose_covariance = None
     if uncertainty is not None:
         with clock.stage("covariance"), using_threads(threads):
-            align = partial(_aligned, chosen, kept, restraint)
-            told = uncertainty.of(solution, deviation_factor(chosen), align)
-        if isinstance(told, str):
-            notes.append(f"no covariance: {told}")
+            align = partial(_aligned, chosen, kept, constraints)
+            covariance_told = uncertainty.of(solution, covariance_factor(chosen), align)
+        if isinstance(covariance_told, str):
+            notes.append(f"no covariance: {covariance_told}")
         else:
             pose, place = frames.caller(solution.pose), frames.source_origin
-            sure = PoseCovariance(told[0], pose, place, uncertainty.way, told[1])
+            pose_covariance = PoseCovariance(
+                covariance_told[0], pose, place, uncertainty.way, covariance_told[1]
+            )
     clock.seconds["total"] = time.perf_counter() - begin
-    return Registration(
-        frames.caller(solution.pose), status, reason, name, found_at.metrics, probable,
-        found_at.directions, solution.history, clock.seconds, (*notes, *solution.notes),
+    return RegistrationResult(
+        frames.caller(solution.pose), status, reason, name, assessment.metrics, probability_right,
+        assessment.directions, solution.history, clock.seconds, (*notes, *solution.notes),
         tuple(one.at(frames.caller(one.target_from_source)) for one in found.candidates),
-        sure,
+        pose_covariance,
         frames,
     )  # fmt: skip
 
 
 def _aligned(
-    method: Method[Any], kept: tuple[Any, Any], restraint: Restraint, start: Pose
+    method: Method[Any], kept: tuple[Any, Any], constraints: Constraints, start: Pose
 ) -> Solution:
-    return method.align(*kept, start, restraint)
+    return method.align(*kept, start, constraints)
 
 
 def _method(
@@ -217,7 +221,7 @@ def _start(initial: ArrayLike | Pose | None) -> tuple[Pose, list[str]]:
     ]
 
 
-def _local_prior(prior: PosePrior | None, frames: Frames) -> PosePrior | None:
+def _local_prior(prior: PosePrior | None, frames: LocalOrigins) -> PosePrior | None:
     if prior is None:
         return None
     return PosePrior(frames.local(prior.pose), prior.covariance)

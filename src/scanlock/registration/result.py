@@ -17,16 +17,16 @@ from scanlock.registration.display import (
     metric_rows,
     text_table,
 )
-from scanlock.registration.local_origins import Frames
+from scanlock.registration.local_origins import LocalOrigins
 from scanlock.registration.uncertainty.pose_covariance import PoseCovariance
 from scanlock.registration.verification.candidate import Candidate
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.observability import DirectionObservability
 from scanlock.registration.verification.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Registration:
+class RegistrationResult:
     """The result of registering a source scan to a target scan.
 
     Attributes
@@ -70,13 +70,13 @@ class Registration:
     method: str
     metrics: Metrics
     probability: float
-    directions: tuple[HeldDirection, ...]
+    directions: tuple[DirectionObservability, ...]
     history: tuple[Iteration, ...]
     timings: Mapping[str, float]
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     covariance: PoseCovariance | None = None
-    frames: Frames = field(default_factory=Frames.of_sensors)
+    frames: LocalOrigins = field(default_factory=LocalOrigins.of_sensors)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -112,14 +112,14 @@ class Registration:
         return self.metrics.score
 
     @property
-    def second_best(self) -> float:
+    def runner_up_ratio(self) -> float:
         """How well the best rival agrees, see `Metrics`."""
-        return self.metrics.second_best
+        return self.metrics.runner_up_ratio
 
     @property
-    def weak_directions(self) -> tuple[HeldDirection, ...]:
-        """The directions that the scans leave open, see `HeldDirection.is_weak`."""
-        return tuple(one for one in self.directions if one.is_weak)
+    def degenerate_directions(self) -> tuple[DirectionObservability, ...]:
+        """The directions that the scans leave open, see `DirectionObservability.is_degenerate`."""
+        return tuple(one for one in self.directions if one.is_degenerate)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, ready for JSON; NaN becomes None."""
@@ -136,10 +136,10 @@ class Registration:
                     "name": one.name,
                     "kind": one.kind,
                     "axis": one.axis.tolist(),
-                    "share": one.share,
+                    "ratio": one.ratio,
                     "deviation": one.deviation,
-                    "part_share": one.part_share,
-                    "is_weak": one.is_weak,
+                    "cluster_ratio": one.cluster_ratio,
+                    "is_weak": one.is_degenerate,
                 }
                 for one in self.directions
             ],
@@ -150,7 +150,7 @@ class Registration:
             "candidates": [
                 {
                     "target_from_source": one.target_from_source.matrix.tolist(),
-                    "maker": one.maker,
+                    "maker": one.proposed_by,
                     "overlap": _number(one.overlap),
                     "target_overlap": _number(one.target_overlap),
                     "score": _number(one.score),
@@ -194,13 +194,13 @@ class Registration:
             ("method", f"{self.method}, {self.iterations} evaluations"),
             ("moved", f"{metres:.3f} m{at}, {degrees:.3f} deg"),
             *metric_rows(self.metrics),
-            *direction_rows(self.weak_directions),
+            *direction_rows(self.degenerate_directions),
             ("time", f"{1e3 * self.timings.get('total', math.nan):.1f} ms"),
             *(("note", note) for note in self.notes),
         ]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Registration, (
+        return RegistrationResult, (
             self.target_from_source,
             self.status,
             self.reason,

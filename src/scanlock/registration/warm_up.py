@@ -12,13 +12,13 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.sensor_noise import SensorNoise
-from scanlock.optimisation.objectives.cell_scores import CellMeeting
+from scanlock.optimisation.objectives.cell_scores import CellAssociation
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.search.cluster_matching import ClusterMatcher
@@ -27,12 +27,12 @@ from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import Segmenter, segment
 
 _SENSOR_HEIGHT = 1.7
-_PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
+_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
 _STEP = np.array([0.5, 0.2, 0.0])
 
 _METHODS: tuple[Method[Any], ...] = (
     *METHODS.values(),
-    *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellMeeting)),
+    *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellAssociation)),
     NdtD2d(meeting="cells-around", widths=(3.0,)),
     Icp(search="delaunay", spacing=3.0),
     Icp(fit=_PLANES, noise=SensorNoise()),
@@ -48,10 +48,10 @@ def warm_up() -> None:
     """
     for step in warm_up_steps():
         step()
-    warm_up_verdicts()
+    warm_up_verification()
 
 
-def warm_up_verdicts() -> None:
+def warm_up_verification() -> None:
     """Call every method as users do, after `warm_up_steps`: there is little left to compile."""
     scan = _courtyard()
     for method in _METHODS:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.registration.local_origins import Frames
-from scanlock.registration.result import Registration
+from scanlock.registration.local_origins import LocalOrigins
+from scanlock.registration.result import RegistrationResult
 from scanlock.report.canvas import (
     ALARM,
     BLUE,
@@ -36,7 +36,7 @@ _CLOSE_UP = 0.22
 def registration_figure(
     target: ArrayLike | PointCloud,
     source: ArrayLike | PointCloud,
-    result: Registration,
+    result: RegistrationResult,
     *,
     initial: Pose | None = None,
     truth: Pose | None = None,
@@ -65,7 +65,7 @@ def registration_figure(
     """
     figure = blank_figure(9.0, 9.8)
     clouds = PointCloud.from_array(target, "target"), PointCloud.from_array(source, "source")
-    frames = Frames.of_clouds(*clouds)
+    frames = LocalOrigins.of_clouds(*clouds)
     fixed, moving = (_standing(cloud) for cloud in clouds)
     start, end = (
         frames.local(pose).apply(moving)
@@ -96,7 +96,7 @@ def _standing(cloud: PointCloud) -> Points:
     return standing if len(standing) else cloud.points
 
 
-def _title(result: Registration, truth: Pose | None) -> str:
+def _title(result: RegistrationResult, truth: Pose | None) -> str:
     moved, turned = result.target_from_source.distance(Pose.identity())
     facts = [f"moved {moved:.2f} m", f"turned {math.degrees(turned):.2f}°"]
     if not math.isnan(result.overlap):

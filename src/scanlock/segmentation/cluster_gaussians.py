@@ -12,12 +12,12 @@ from scanlock.segmentation.ground.finder import Ground, GroundStatus
 from scanlock.segmentation.segmentation import Segmenter, obstacle_points, upright
 from scanlock.timing import StageClock
 
-LEAST_PARTS = 4
+MIN_GAUSSIANS = 4
 """Three Gaussians can be laid over three others by chance; four hardly ever."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Landmarks:
+class ClusterGaussians:
     """A scan ready to be registered, as target or as source.
 
     Attributes
@@ -44,30 +44,30 @@ class Landmarks:
         frozen(self.obstacles)
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
         parts = len(self.gaussians[-1])
-        if parts >= LEAST_PARTS:
+        if parts >= MIN_GAUSSIANS:
             return ""
-        return f"holds {parts} parts besides the ground, of {LEAST_PARTS} needed"
+        return f"holds {parts} parts besides the ground, of {MIN_GAUSSIANS} needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LandmarkFinder:
+class ClusterGaussianExtractor:
     """Settings of the front end: a scan's ground removed, the rest as Gaussians."""
 
     segmenter: Segmenter = field(default_factory=Segmenter)
     """Ground and clusters; the scales of the registration decide how fine clusters are cut."""
 
-    deviation_floor: float = 0.1
+    min_deviation: float = 0.1
     """Least standard deviation of a Gaussian along any axis [m]: noise, and the jitter of a
     cluster's mean between two views."""
 
     def __post_init__(self) -> None:
-        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_positive("deviation_floor", self.min_deviation, unit="m")
         require_at_least("least_count", self.segmenter.clusters.least_count, 2)
 
-    def find(self, cloud: PointCloud, radii: Sequence[float]) -> Landmarks:
+    def find(self, cloud: PointCloud, radii: Sequence[float]) -> ClusterGaussians:
         """Return the landmarks of a cloud in its sensor's frame.
 
         Parameters
@@ -82,7 +82,9 @@ class LandmarkFinder:
         landmarks = self.find_above(cloud, ground, radii)
         return replace(landmarks, timings={**clock.seconds, **landmarks.timings})
 
-    def find_above(self, cloud: PointCloud, ground: Ground, radii: Sequence[float]) -> Landmarks:
+    def find_above(
+        self, cloud: PointCloud, ground: Ground, radii: Sequence[float]
+    ) -> ClusterGaussians:
         """Return the landmarks of a cloud whose ground is known; see `find`."""
         clock = StageClock()
         with clock.stage("obstacles"):
@@ -91,12 +93,12 @@ class LandmarkFinder:
         with clock.stage("clusters"):
             found = self._gaussians(obstacles, ground, distinct)
             gaussians = {
-                radius: one.floored(self.deviation_floor)
+                radius: one.regularised(self.min_deviation)
                 for radius, one in zip(distinct, found, strict=True)
             }
         scales = tuple(gaussians[radius] for radius in radii)
         note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
-        return Landmarks(cloud, obstacles, scales, (note,), clock.seconds)
+        return ClusterGaussians(cloud, obstacles, scales, (note,), clock.seconds)
 
     def _gaussians(
         self, obstacles: Points, ground: Ground, radii: Sequence[float]

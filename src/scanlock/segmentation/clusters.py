@@ -92,17 +92,17 @@ class L2Distance:
     least_correlation: float = 0.1
     """Bins combine when the correlation of their densities is above this."""
 
-    deviation_floor: float = 0.2
+    min_deviation: float = 0.2
     """Least standard deviation of a bin [m]; flat bins would correlate with nothing."""
 
     def __post_init__(self) -> None:
         require_fraction("least_correlation", self.least_correlation)
-        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_positive("deviation_floor", self.min_deviation, unit="m")
 
     def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
-        floored = bins.gaussians.floored(self.deviation_floor)
-        a, b = floored.taken(first), floored.taken(second)
+        regularised = bins.gaussians.regularised(self.min_deviation)
+        a, b = regularised.taken(first), regularised.taken(second)
         both = a.covariances + b.covariances
         squared = _squared_mahalanobis(a.means - b.means, both)
         # N(0; 0, 2S) = 1 / sqrt(det(2 pi 2 S)): the factors of 2 pi cancel in the ratio.
@@ -122,12 +122,12 @@ class GaussianFit:
     limit: float = 3.5
     """Largest distance of the means in pooled deviations."""
 
-    deviation_floor: float = 0.2
+    min_deviation: float = 0.2
     """Least standard deviation of a bin [m]."""
 
     def __post_init__(self) -> None:
         require_positive("limit", self.limit)
-        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_positive("deviation_floor", self.min_deviation, unit="m")
 
     def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
@@ -135,7 +135,7 @@ class GaussianFit:
         share = (a.counts / (a.counts + b.counts))[:, None, None]
         pooled = Gaussians.from_covariances(
             a.means, share * a.covariances + (1.0 - share) * b.covariances, a.counts
-        ).floored(self.deviation_floor)
+        ).regularised(self.min_deviation)
         squared = _squared_mahalanobis(a.means - b.means, pooled.covariances)
         return squared < self.limit**2
 
@@ -150,7 +150,7 @@ class ClusterFinder:
     merge: MergeTest = field(default_factory=MeanDistance)
     """The test Phi."""
 
-    largest_radius: float = 3.0
+    max_radius: float = 3.0
     """A cluster with a point farther than this from its mean is cut [m].
 
     A wall would else become one Gaussian whose mean depends on how much of it was seen.
@@ -160,7 +160,7 @@ class ClusterFinder:
     """Clusters of fewer points are dropped: they define no covariance."""
 
     def __post_init__(self) -> None:
-        require_positive("largest_radius", self.largest_radius, unit="m")
+        require_positive("largest_radius", self.max_radius, unit="m")
         require_at_least("least_count", self.least_count, 1)
 
     def label(self, points: Points) -> tuple[Labels, int]:
@@ -169,7 +169,7 @@ class ClusterFinder:
         Clusters are numbered by their first bin: sector by sector, outwards.
         """
         labels, count = self.grow(points)
-        labels, count = self.cut(points, labels, count, self.largest_radius)
+        labels, count = self.cut(points, labels, count, self.max_radius)
         return _without_small(labels, count, self.least_count)
 
     def grow(self, points: Points) -> tuple[Labels, int]:
@@ -187,14 +187,14 @@ class ClusterFinder:
         return regrouped(read_only(bin_of_point), read_only(cluster_of_bin)), count
 
     def cut(
-        self, points: Points, labels: Labels, count: int, largest_radius: float
+        self, points: Points, labels: Labels, count: int, max_radius: float
     ) -> tuple[Labels, int]:
-        """Return the clusters cut in two until none is larger than `largest_radius` [m].
+        """Return the clusters cut in two until none is larger than `max_radius` [m].
 
         Cutting to a large radius first and to a smaller one then gives the same clusters as
         cutting to the smaller one at once.
         """
-        rows, runs, _ = _cut(points, labels, count, [largest_radius], keeps_rows=True)
+        rows, runs, _ = _cut(points, labels, count, [max_radius], keeps_rows=True)
         order = np.argsort(runs[:, 1])
         cut = np.full(len(points), -1, np.int64)
         cut[rows] = np.repeat(order, (runs[:, 2] - runs[:, 1])[order])

@@ -96,12 +96,12 @@ def test_names_offered_are_the_names_there_are():
     from scanlock.io import FORMATS
     from scanlock.optimisation.objectives.constraints import DegreesOfFreedom
     from scanlock.registration.registry import DEFAULT_METHOD, METHODS
-    from scanlock.registration.uncertainty.pose_covariance import CovarianceWay
+    from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
     from scanlock.simulation import SCENES, SENSORS
 
     assert get_args(choices.MethodName) == tuple(METHODS)
     assert get_args(choices.DofName) == get_args(DegreesOfFreedom)
-    assert get_args(choices.CovarianceName) == get_args(CovarianceWay)
+    assert get_args(choices.CovarianceName) == get_args(CovarianceMethod)
     assert get_args(choices.FormatName) == tuple(FORMATS)
     assert get_args(choices.SceneName) == tuple(SCENES)
     assert [name.replace("-", "_") for name in get_args(choices.SensorName)] == list(SENSORS)

@@ -143,8 +143,8 @@ def test_kitti_errors_of_a_scaled_drive_are_its_scale():
 
 def test_kitti_turns_are_counted_by_the_metre():
     truth = [Pose(np.eye(3), np.array([1.0 * k, 0.0, 0.0])) for k in range(202)]
-    drift = [yaw_pose(1e-4 * k, tuple(p.translation)) for k, p in enumerate(truth)]
-    found = kitti_errors(drift, truth)
+    refinement_shift = [yaw_pose(1e-4 * k, tuple(p.translation)) for k, p in enumerate(truth)]
+    found = kitti_errors(refinement_shift, truth)
     assert len(found) > 0
     np.testing.assert_allclose(found.rotations, 1e-4 * (found.last - found.first), rtol=1e-6)
 

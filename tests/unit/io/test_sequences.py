@@ -156,11 +156,11 @@ def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
     np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)
     between = first.inverse() @ second
     # Two metres ahead, one to the right, a little up; then a quarter turn to the right.
-    lever = VEHICLE_FROM_LASER.rotation.T @ (
+    rotation_scale = VEHICLE_FROM_LASER.rotation.T @ (
         np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) @ VEHICLE_FROM_LASER.translation
         - VEHICLE_FROM_LASER.translation
     )
-    np.testing.assert_allclose(between.translation - lever, [1.0, 2.0, 0.1], atol=1e-9)
+    np.testing.assert_allclose(between.translation - rotation_scale, [1.0, 2.0, 0.1], atol=1e-9)
     np.testing.assert_allclose(between.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-9)
 
 

@@ -60,14 +60,14 @@ def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
     variances = np.array([[1e-8, 1e-4, 4.0], [0.0, 0.0, 0.0], [0.04, 1.0, 9.0]])
     covariances = turned_covariances(rng, variances)
     sharp = Gaussians.from_covariances(rng.normal(size=(3, 3)), covariances, np.array([9, 1, 5]))
-    raised = sharp.floored(0.1)
+    raised = sharp.regularised(0.1)
     # Rounding of a product of matrices whose entries reach the largest variance.
     rounding = 1e-14 * 9.0
     expected = np.maximum(variances, 0.1**2)
     np.testing.assert_allclose(raised.variances, expected, atol=rounding)
     for was, now in zip(covariances, raised.covariances, strict=True):
         np.testing.assert_allclose(was @ now, now @ was, atol=10 * rounding)
-        np.testing.assert_allclose(now, reference.floored(was, 0.1), atol=10 * rounding)
+        np.testing.assert_allclose(now, reference.regularised(was, 0.1), atol=10 * rounding)
         np.testing.assert_array_equal(now, now.T)
     np.testing.assert_array_equal(raised.means, sharp.means)
     np.testing.assert_array_equal(raised.counts, sharp.counts)
@@ -76,26 +76,26 @@ def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
 def test_a_ratio_raises_to_a_share_of_the_largest_variance():
     rng = np.random.default_rng(4)
     covariances = turned_covariances(rng, np.array([[1e-6, 0.5, 9.0], [1e-6, 1e-6, 1e-6]]))
-    raised = Gaussians.from_covariances(np.zeros((2, 3)), covariances, np.array([3, 3])).floored(
-        0.1, ratio=0.01
-    )
+    raised = Gaussians.from_covariances(
+        np.zeros((2, 3)), covariances, np.array([3, 3])
+    ).regularised(0.1, ratio=0.01)
     np.testing.assert_allclose(raised.variances, [[0.09, 0.5, 9.0], [0.01, 0.01, 0.01]], rtol=1e-9)
 
 
 def test_a_floor_already_kept_changes_nothing_beyond_rounding():
     some = gaussians(np.random.default_rng(5), 20, least=0.2)
     np.testing.assert_allclose(
-        some.floored(0.1).covariances, some.covariances, rtol=1e-12, atol=1e-12
+        some.regularised(0.1).covariances, some.covariances, rtol=1e-12, atol=1e-12
     )
 
 
 def test_scaling_multiplies_deviations_and_blurring_adds_variances():
     some = gaussians(np.random.default_rng(6), 20)
     np.testing.assert_allclose(some.scaled(3.0).variances, 9.0 * some.variances, rtol=1e-9)
-    np.testing.assert_allclose(some.widened(2.0).variances, some.variances + 4.0, rtol=1e-12)
-    twice = some.widened(3.0).widened(4.0)
-    np.testing.assert_allclose(twice.covariances, some.widened(5.0).covariances, rtol=1e-12)
-    np.testing.assert_array_equal(some.widened(0.0).covariances, some.covariances)
+    np.testing.assert_allclose(some.inflated(2.0).variances, some.variances + 4.0, rtol=1e-12)
+    twice = some.inflated(3.0).inflated(4.0)
+    np.testing.assert_allclose(twice.covariances, some.inflated(5.0).covariances, rtol=1e-12)
+    np.testing.assert_array_equal(some.inflated(0.0).covariances, some.covariances)
 
 
 def test_moved_gaussians_are_the_gaussians_of_the_moved_points():
@@ -128,9 +128,9 @@ def test_every_array_is_read_only():
     some = gaussians(np.random.default_rng(10), 5)
     for made in (
         some,
-        some.floored(0.1),
+        some.regularised(0.1),
         some.scaled(2.0),
-        some.widened(1.0),
+        some.inflated(1.0),
         some.taken(np.array([0, 3])),
         some.transformed(Pose.identity()),
         pickle.loads(pickle.dumps(some)),
@@ -167,11 +167,11 @@ def test_rows_are_taken_by_number_or_by_mask():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda g: g.floored(0.0), "deviation must be positive, got 0.0 m"),
-        (lambda g: g.floored(0.1, ratio=-1.0), "ratio must be at least 0.0, got -1.0"),
+        (lambda g: g.regularised(0.0), "deviation must be positive, got 0.0 m"),
+        (lambda g: g.regularised(0.1, ratio=-1.0), "ratio must be at least 0.0, got -1.0"),
         (lambda g: g.scaled(-2.0), "factor must be positive, got -2.0"),
-        (lambda g: g.widened(-0.5), "deviation must be at least 0.0 m, got -0.5 m"),
-        (lambda g: g.widened(float("nan")), "deviation must be at least 0.0 m, got nan m"),
+        (lambda g: g.inflated(-0.5), "deviation must be at least 0.0 m, got -0.5 m"),
+        (lambda g: g.inflated(float("nan")), "deviation must be at least 0.0 m, got nan m"),
         (
             lambda g: Gaussians.from_covariances(g.means, g.covariances[:2], g.counts),
             "means and packed covariances must have shapes",
@@ -202,7 +202,7 @@ def test_weights_are_counts_to_a_power():
 
 def test_variances_follow_floors_scales_and_blurs():
     some = gaussians(np.random.default_rng(9), 40, least=0.01)
-    for reshaped in (some.floored(0.3, 0.1), some.scaled(2.5), some.widened(0.7)):
+    for reshaped in (some.regularised(0.3, 0.1), some.scaled(2.5), some.inflated(0.7)):
         np.testing.assert_allclose(
             reshaped.variances, np.linalg.eigvalsh(reshaped.covariances), rtol=1e-9, atol=1e-12
         )

@@ -18,7 +18,7 @@ def _by_cell(points, width, corner):
 @pytest.mark.parametrize("offset", [0.0, 0.3])
 def test_each_full_cell_has_the_unbiased_moments_of_its_points(offset):
     points = np.random.default_rng(0).normal(0.0, [3.0, 2.0, 1.0], (600, 3))
-    grid = VoxelGrid(variance_ratio=0.0, deviation_floor=1e-6, offset=offset)
+    grid = VoxelGrid(variance_ratio=0.0, min_deviation=1e-6, offset=offset)
     found = grid.gaussians(points, 1.5)
     cells = _by_cell(points, 1.5, 1.5 * offset)
     full = {cell: np.array(own) for cell, own in cells.items() if len(own) >= 6}
@@ -40,7 +40,7 @@ def test_small_variances_are_raised_to_a_share_of_the_largest():
     [variances] = VoxelGrid(variance_ratio=0.01).gaussians(plane, 1.0).gaussians.variances
     np.testing.assert_allclose(variances[0], max(0.01 * variances[2], 0.01**2))
     point = np.full((20, 3), 0.5)
-    [variances] = VoxelGrid(deviation_floor=0.05).gaussians(point, 1.0).gaussians.variances
+    [variances] = VoxelGrid(min_deviation=0.05).gaussians(point, 1.0).gaussians.variances
     np.testing.assert_allclose(variances, 0.05**2)
 
 

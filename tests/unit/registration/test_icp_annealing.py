@@ -9,7 +9,7 @@ from reference.samples import street
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import FREE
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED
 from scanlock.optimisation.solvers.annealing import Annealing
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.icp_annealing import AnnealedStart
@@ -51,7 +51,7 @@ def test_the_least_distance_wins_where_any_advantage_counts():
     eager = Icp(annealing=AnnealedStart(advantage=0.0))
     looks = (street(1, layout=2), street(2, layout=2))
     scans = [eager.prepare(PointCloud.from_array(points)) for points in looks]
-    starts = eager.annealing.poses(*scans, Pose.identity(), FREE)
+    starts = eager.annealing.poses(*scans, Pose.identity(), UNCONSTRAINED)
     ends = [_PLAIN.align(*scans, start).pose for start in starts]
     gaps = [eager.annealing.trimmed_distance(*scans, end) for end in ends]
     assert eager.align(*scans, Pose.identity()).pose == ends[int(np.argmin(gaps))]

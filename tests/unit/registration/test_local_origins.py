@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.registration.local_origins import Frames
+from scanlock.registration.local_origins import LocalOrigins
 
 _XYZ = np.random.default_rng(0).integers(-4000, 4000, size=(40, 3)) / 128.0
 _UTM = np.array([500_000.0, 5_400_000.0, 312.5])
@@ -22,7 +22,7 @@ def test_poses_go_to_local_frames_and_back_without_losing_a_micrometre():
     target_array = truth.apply(_XYZ) + to_target.translation
     source, target = PointCloud.from_array(source_array), PointCloud.from_array(target_array)
 
-    frames = Frames.of_clouds(target, source)
+    frames = LocalOrigins.of_clouds(target, source)
     local = frames.local(target_from_source)
     assert np.abs(local.translation).max() < 1000.0
     np.testing.assert_allclose(local.apply(source.points), target.points, atol=1e-8)
@@ -36,7 +36,7 @@ def test_poses_between_sensor_frames_are_their_own_local_poses():
     rotation = Rotation.from_euler("z", 30, degrees=True).as_matrix()
     pose = Pose(rotation, [1.0, 2.0, 3.0])
     cloud = PointCloud.from_array(_XYZ)
-    frames = Frames.of_clouds(cloud, cloud)
+    frames = LocalOrigins.of_clouds(cloud, cloud)
     assert frames.local(pose) == pose
     assert frames.caller(pose) == pose
 
@@ -44,7 +44,7 @@ def test_poses_between_sensor_frames_are_their_own_local_poses():
 @pytest.mark.parametrize(("source", "is_on_map"), [(_XYZ, False), (_XYZ + _UTM, True)])
 def test_motions_are_told_of_the_sensor_or_in_a_map_of_the_centroid(source, is_on_map):
     target = PointCloud.from_array(_XYZ + _UTM)
-    frames = Frames.of_clouds(target, PointCloud.from_array(source))
+    frames = LocalOrigins.of_clouds(target, PointCloud.from_array(source))
     assert frames.is_on_map == is_on_map
     np.testing.assert_allclose(frames.place, source.mean(axis=0) if is_on_map else 0.0, atol=1e-6)
     pose = Pose(Rotation.from_euler("z", 3, degrees=True).as_matrix(), np.array([1.0, 2.0, 3.0]))
@@ -54,7 +54,7 @@ def test_motions_are_told_of_the_sensor_or_in_a_map_of_the_centroid(source, is_o
 
 def test_frames_survive_a_pickle_and_stay_read_only():
     cloud = PointCloud.from_array(_XYZ + _UTM)
-    frames = Frames.of_clouds(cloud, cloud)
+    frames = LocalOrigins.of_clouds(cloud, cloud)
     again = pickle.loads(pickle.dumps(frames))
     for name in ("target_origin", "source_origin", "source_centroid"):
         np.testing.assert_array_equal(getattr(again, name), getattr(frames, name))

@@ -12,7 +12,7 @@ from scanlock.registration.methods.auto_scan import AutoScan
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
-from scanlock.registration.verification.features import find_evidence
+from scanlock.registration.verification.features import extract_features
 from scanlock.registration.verification.status import Status
 
 _MOTION = yaw_pose(0.2, (2.0, -1.0, 0.1))
@@ -50,22 +50,22 @@ def test_a_scan_prepared_by_another_method_is_refused(scans):
 def test_a_prepared_scan_tells_what_was_found():
     ready = prepare(np.insert(street(1), 7, np.nan, axis=0) + 1e5)
     assert isinstance(ready.kept, AutoScan)
-    assert ready.shortage == ""
+    assert ready.insufficient == ""
     assert ready.notes[0] == "1 rows with NaN or Inf left out"
     assert ready.notes[1].startswith("computed about the origin")
     assert sum(note.startswith("ground found") for note in ready.notes) == 1
     short = prepare(np.eye(3))
-    assert short.shortage.startswith("holds 0 parts besides the ground, of 4 needed")
-    assert short.evidence is None
+    assert short.insufficient.startswith("holds 0 parts besides the ground, of 4 needed")
+    assert short.features is None
 
 
 def test_evidence_is_clusters_or_else_cubes():
     ready = prepare(street(1))
-    found = find_evidence(ready.cloud)
-    np.testing.assert_array_equal(found.gaussians.means, ready.evidence.gaussians.means)
+    found = extract_features(ready.cloud)
+    np.testing.assert_array_equal(found.gaussians.means, ready.features.gaussians.means)
     rng = np.random.default_rng(0)
     bare = np.column_stack([rng.uniform(-30, 30, (20000, 2)), rng.normal(-1.7, 0.02, 20000)])
-    cubes = find_evidence(prepare(bare).cloud)
+    cubes = extract_features(prepare(bare).cloud)
     assert len(cubes.gaussians) > 1000
     assert cubes.notes[-1] == f"judged by {len(cubes.gaussians)} cubes of the scan"
 

@@ -9,9 +9,9 @@ import pytest
 from reference.samples import yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.solution import Iteration
-from scanlock.registration.result import Registration
+from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.observability import DirectionObservability
 from scanlock.registration.verification.status import Status
 
 _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
@@ -20,11 +20,11 @@ _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 def _result(status=Status.OK, **metrics):
     history = (Iteration(-0.5, 0.1, 0.0, True, Pose.identity()),)
     timings = {"align": 0.25, "total": 0.5}
-    weak = HeldDirection("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
-    firm = HeldDirection("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
+    weak = DirectionObservability("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
+    firm = DirectionObservability("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
     seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "surface_overlap": 0.6}
     known = Metrics(**{**seen, "score": 0.8, **metrics})
-    return Registration(
+    return RegistrationResult(
         _POSE, status, "because", "a-method", known, 0.75, (weak, firm), history, timings,
         ("a note",),
     )  # fmt: skip
@@ -75,12 +75,12 @@ def test_the_repr_is_one_line_with_the_motion_and_the_verdict():
 
 
 def test_the_shortcuts_are_the_metrics():
-    result = _result(second_best=0.4)
-    assert (result.overlap, result.score, result.second_best) == (0.9, 0.8, 0.4)
+    result = _result(runner_up_ratio=0.4)
+    assert (result.overlap, result.score, result.runner_up_ratio) == (0.9, 0.8, 0.4)
 
 
 def test_only_directions_that_nothing_holds_are_weak():
-    (weak,) = _result().weak_directions
+    (weak,) = _result().degenerate_directions
     assert weak.name == "forward"
     assert [one["is_weak"] for one in _result().as_dict()["directions"]] == [True, False]
 

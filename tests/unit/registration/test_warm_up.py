@@ -32,7 +32,7 @@ _KERNELS = (
     polar.polar_cells,
     probing.sorted_by_cube,
     probing.sums_near,
-    range_image.looked_through,
+    range_image.free_space_violation,
     range_image.nearest_ranges,
     sliding.slid_scores,
     d2d.d2d_terms,

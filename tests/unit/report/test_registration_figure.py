@@ -5,7 +5,7 @@ import pytest
 from matplotlib.colors import to_rgba_array
 
 from reference.samples import street, yaw_pose
-from scanlock import Pose, Registration, Status, segment
+from scanlock import Pose, RegistrationResult, Status, segment
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.report.canvas import ALARM, BLUE, INK, VERMILION, save_figure
 from scanlock.report.registration_figure import registration_figure
@@ -16,7 +16,7 @@ MOTION = yaw_pose(0.2, (2.0, 1.0, 0.0))
 def _result(pose=MOTION, status=Status.OK, overlap=0.8):
     metrics = Metrics(overlap=overlap, score=0.7)
     timings = {"total": 0.1}
-    return Registration(pose, status, "a reason", "a-method", metrics, 0.9, (), (), timings)
+    return RegistrationResult(pose, status, "a reason", "a-method", metrics, 0.9, (), (), timings)
 
 
 @pytest.fixture(scope="module")

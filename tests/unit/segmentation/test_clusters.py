@@ -18,11 +18,11 @@ _GRID = PolarGrid(sectors=40, max_range=20.0, first_width=1.5)
 _TESTS = [
     (MeanDistance(limit=1.8), lambda a, b: flood.means_are_close(a, b, 1.8)),
     (
-        L2Distance(least_correlation=0.02, deviation_floor=0.4),
+        L2Distance(least_correlation=0.02, min_deviation=0.4),
         lambda a, b: flood.densities_correlate(a, b, 0.02, 0.4),
     ),
     (
-        GaussianFit(limit=3.5, deviation_floor=0.3),
+        GaussianFit(limit=3.5, min_deviation=0.3),
         lambda a, b: flood.one_gaussian_fits(a, b, 3.5, 0.3),
     ),
 ]
@@ -121,7 +121,7 @@ def test_the_correlation_of_densities_is_what_integration_gives(seed):
     correlation = (f * g).sum() / np.sqrt((f * f).sum() * (g * g).sum())
     first, second = _one(np.zeros(3), covariances[0]), _one(mean, covariances[1])
     for share, expected in ((0.999, True), (1.001, False)):
-        test = L2Distance(least_correlation=share * correlation, deviation_floor=1e-3)
+        test = L2Distance(least_correlation=share * correlation, min_deviation=1e-3)
         assert _merges(test, first, second) is expected
 
 
@@ -166,7 +166,7 @@ def test_a_cut_in_half_measures_what_the_docstring_says(quantile, deviations):
     # sample's own half moments are off by its last quantiles, under 1e-3.
     halves = _halves(quantile)
     for share, expected in ((0.998, False), (1.002, True)):
-        test = GaussianFit(limit=share * deviations, deviation_floor=1e-3)
+        test = GaussianFit(limit=share * deviations, min_deviation=1e-3)
         assert _merges(test, *halves) is expected
     assert round(float(deviations), 1) in (2.6, 2.7, 3.5)
 
@@ -277,10 +277,10 @@ def _is_refined(fine, coarse):
     [
         (lambda: MeanDistance(limit=0.0), "limit must be positive, got 0.0 m"),
         (lambda: L2Distance(least_correlation=1.5), "least_correlation must lie between 0 and 1"),
-        (lambda: L2Distance(deviation_floor=0.0), "deviation_floor must be positive, got 0.0 m"),
+        (lambda: L2Distance(min_deviation=0.0), "deviation_floor must be positive, got 0.0 m"),
         (lambda: GaussianFit(limit=-1.0), "limit must be positive, got -1.0"),
-        (lambda: GaussianFit(deviation_floor=0.0), "deviation_floor must be positive, got 0.0 m"),
-        (lambda: ClusterFinder(largest_radius=0.0), "largest_radius must be positive, got 0.0 m"),
+        (lambda: GaussianFit(min_deviation=0.0), "deviation_floor must be positive, got 0.0 m"),
+        (lambda: ClusterFinder(max_radius=0.0), "largest_radius must be positive, got 0.0 m"),
         (lambda: ClusterFinder(least_count=0), "least_count must be"),
     ],
 )

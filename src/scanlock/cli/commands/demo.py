@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from scanlock.registration.result import Registration
+    from scanlock.registration.result import RegistrationResult
     from scanlock.simulation import SimulatedPair
 
 _BASELINE = (14.0, 18.0)
@@ -67,7 +67,7 @@ def demo(
     return 0 if result.ok else 2
 
 
-def _write(folder: Path, pair: "SimulatedPair", result: "Registration") -> list[str]:
+def _write(folder: Path, pair: "SimulatedPair", result: "RegistrationResult") -> list[str]:
     """Write what the demo is about and return what to say of it."""
     from scanlock.errors import MissingExtra
     from scanlock.io import write_pose, write_scan

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
     from scanlock.io.sequences import ScanSequence
     from scanlock.pipelines.mapping import MappedScan
-    from scanlock.registration.result import Registration
+    from scanlock.registration.result import RegistrationResult
 
 _HEADS = (
     "scan",
@@ -233,7 +233,9 @@ class _Drive:
         return float(path_lengths(self._poses)[-1])
 
 
-def _row(index: int, target: str, source: str, found: "Registration") -> tuple[str | int, ...]:
+def _row(
+    index: int, target: str, source: str, found: "RegistrationResult"
+) -> tuple[str | int, ...]:
     from scanlock.geometry.pose import Pose
 
     metres, radians = found.target_from_source.distance(Pose.identity())

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from scanlock.arrays import Matrix
     from scanlock.geometry.pose import Pose
     from scanlock.optimisation.objectives.constraints import PosePrior
-    from scanlock.registration.result import Registration
+    from scanlock.registration.result import RegistrationResult
 
 
 def register(
@@ -28,7 +28,7 @@ def register(
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
     prior: tuple[float, float] | None = None,
-    hold_weak: Flag = False,
+    fix_degenerate: Flag = False,
     covariance: CovarianceName | None = None,
     threads: int = 1,
     output: OutputFile = None,
@@ -110,7 +110,7 @@ def register(
             initial=given,
             dof=dof,
             prior=belief,
-            hold_weak=hold_weak,
+            fix_degenerate=fix_degenerate,
             covariance=covariance,
             threads=threads,
         )
@@ -156,7 +156,11 @@ def _belief(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
 
 
 def _content(
-    result: "Registration", target: LoadedScan, source: LoadedScan, read_time: float, verbose: bool
+    result: "RegistrationResult",
+    target: LoadedScan,
+    source: LoadedScan,
+    read_time: float,
+    verbose: bool,
 ) -> dict[str, Any]:
     from scanlock.cli.results import history_content
 
@@ -170,7 +174,11 @@ def _content(
 
 
 def _draw(
-    path: Path, target: LoadedScan, source: LoadedScan, result: "Registration", start: "Pose | None"
+    path: Path,
+    target: LoadedScan,
+    source: LoadedScan,
+    result: "RegistrationResult",
+    start: "Pose | None",
 ) -> None:
     from scanlock.cli.output import make_room
     from scanlock.report.canvas import save_figure

@@ -12,14 +12,14 @@ def warm_up() -> None:
     """Compile everything now and keep it on disk, so that no later command has to."""
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, waiting
-    from scanlock.registration.warm_up import warm_up_verdicts
+    from scanlock.registration.warm_up import warm_up_verification
 
     begin = time.perf_counter()
     with compile_watch() as watch, waiting("compiling"):
         _share(_cores() if _compiles_here() else 1)
         for step in _steps():
             step()
-        warm_up_verdicts()
+        warm_up_verification()
     seconds = time.perf_counter() - begin
     if watch.compiled:
         print_line(f"compiled everything in {seconds:.0f} s; commands now start at once")

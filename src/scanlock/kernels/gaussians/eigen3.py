@@ -144,7 +144,7 @@ def floored_covariances(packed: Matrix, least: float, ratio: float) -> tuple[Mat
     times the largest variance of the same matrix. The (k, 3) variances ascend.
     """
     n = packed.shape[0]
-    floored, variances = np.empty((n, 6), np.float64), np.empty((n, 3), np.float64)
+    regularised, variances = np.empty((n, 6), np.float64), np.empty((n, 3), np.float64)
     entries, turned = np.zeros(6 * _BLOCK, np.float64), np.empty(12 * _BLOCK, np.float64)
     raised = np.empty(6 * _BLOCK, np.float64)
     for start in range(0, n, _BLOCK):
@@ -154,10 +154,10 @@ def floored_covariances(packed: Matrix, least: float, ratio: float) -> tuple[Mat
         _raise_block(turned, least, ratio, raised)
         for k in range(count):
             for entry in range(6):
-                floored[start + k, entry] = raised[entry * _BLOCK + k]
+                regularised[start + k, entry] = raised[entry * _BLOCK + k]
             for entry in range(3):
                 variances[start + k, entry] = turned[entry * _BLOCK + k]
-    return floored, variances
+    return regularised, variances
 
 
 @kernel

@@ -52,10 +52,10 @@ def level_compatibility(
     rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
         for k in range(_evenly_far(places, room, grades[-1], a, excess, rows)):
-            misfit = _level_misfit(
+            outlier_ratio = _level_misfit(
                 target, source, target_slack, source_slack, turns, tolerances, a, rows[k]
             )
-            _join(graph, grades, misfit, a, rows[k])
+            _join(graph, grades, outlier_ratio, a, rows[k])
     return graph
 
 
@@ -90,11 +90,11 @@ def free_compatibility(
     rows, excess = np.empty(m, np.int64), np.empty(m)
     for a in range(m):
         for k in range(_evenly_far(places, room, grades[-1], a, excess, rows)):
-            misfit = _free_misfit(
+            outlier_ratio = _free_misfit(
                 target, source, target_slack, source_slack, target_axes, source_axes,
                 tolerances, a, rows[k],
             )  # fmt: skip
-            _join(graph, grades, misfit, a, rows[k])
+            _join(graph, grades, outlier_ratio, a, rows[k])
     return graph
 
 
@@ -204,10 +204,10 @@ def _level_misfit(
         return math.inf
     rise = target[a, 2] - target[b, 2] - source[a, 2] + source[b, 2]
     upward = target_slack[a, 5] + target_slack[b, 5] + source_slack[a, 5] + source_slack[b, 5]
-    misfit = rise * rise / (base + slope * slope * far_t * far_t + upward)
+    outlier_ratio = rise * rise / (base + slope * slope * far_t * far_t + upward)
     tx, ty, sx, sy = tx / far_t, ty / far_t, sx / far_s, sy / far_s
     along = _along(target_slack, a, b, tx, ty, 0.0) + _along(source_slack, a, b, sx, sy, 0.0)
-    misfit += (far_t - far_s) ** 2 / (base + along)
+    outlier_ratio += (far_t - far_s) ** 2 / (base + along)
     across = _along(target_slack, a, b, -ty, tx, 0.0) + _along(source_slack, a, b, -sy, sx, 0.0)
     spread = angle * angle + (base + across) / (far_t * far_s)
     # Twice the turn between the lines that join the centres: axes and lines have no sign.
@@ -217,13 +217,13 @@ def _level_misfit(
     has_b = turns[b, 0] != 0.0 or turns[b, 1] != 0.0
     # The squared sine of an angle is half of 1 less the cosine of its double.
     if has_a:
-        misfit += 0.5 * (1.0 - turns[a, 0] * c - turns[a, 1] * s) / spread
+        outlier_ratio += 0.5 * (1.0 - turns[a, 0] * c - turns[a, 1] * s) / spread
     if has_b:
-        misfit += 0.5 * (1.0 - turns[b, 0] * c - turns[b, 1] * s) / spread
+        outlier_ratio += 0.5 * (1.0 - turns[b, 0] * c - turns[b, 1] * s) / spread
     if has_a and has_b:
         cosine = turns[a, 0] * turns[b, 0] + turns[a, 1] * turns[b, 1]
-        misfit += 0.25 * (1.0 - cosine) / (angle * angle)
-    return misfit
+        outlier_ratio += 0.25 * (1.0 - cosine) / (angle * angle)
+    return outlier_ratio
 
 
 @kernel
@@ -251,7 +251,7 @@ def _free_misfit(
         return math.inf
     tx, ty, tz, sx, sy, sz = tx / far_t, ty / far_t, tz / far_t, sx / far_s, sy / far_s, sz / far_s
     along = _along(target_slack, a, b, tx, ty, tz) + _along(source_slack, a, b, sx, sy, sz)
-    misfit = (far_t - far_s) ** 2 / (base + along)
+    outlier_ratio = (far_t - far_s) ** 2 / (base + along)
     across = _trace(target_slack, a, b) + _trace(source_slack, a, b) - along
     # Two directions lie across the line, and one of them turns it towards the axis.
     spread = angle * angle + (base + 0.5 * across) / (far_t * far_s)
@@ -259,8 +259,8 @@ def _free_misfit(
     sa, sb = _to_line(source_axes, a, sx, sy, sz), _to_line(source_axes, b, sx, sy, sz)
     t_axes = _to_line(target_axes, a, target_axes[b, 0], target_axes[b, 1], target_axes[b, 2])
     s_axes = _to_line(source_axes, a, source_axes[b, 0], source_axes[b, 1], source_axes[b, 2])
-    misfit += ((ta - sa) ** 2 + (tb - sb) ** 2) / spread
-    return misfit + 0.5 * (t_axes - s_axes) ** 2 / (angle * angle)
+    outlier_ratio += ((ta - sa) ** 2 + (tb - sb) ** 2) / spread
+    return outlier_ratio + 0.5 * (t_axes - s_axes) ** 2 / (angle * angle)
 
 
 @kernel
@@ -284,9 +284,9 @@ def _to_line(axes: Points, row: int, x: float, y: float, z: float) -> float:
 
 
 @kernel
-def _join(graph: Words, grades: Vector, misfit: float, a: int, b: int) -> None:
+def _join(graph: Words, grades: Vector, outlier_ratio: float, a: int, b: int) -> None:
     for g in range(grades.shape[0] - 1, -1, -1):
-        if misfit > grades[g]:
+        if outlier_ratio > grades[g]:
             break
         graph[g, a, b >> 6] |= np.uint64(1) << np.uint64(b & 63)
         graph[g, b, a >> 6] |= np.uint64(1) << np.uint64(a & 63)

@@ -120,7 +120,7 @@ def nearest_around(ranges: NDArray[np.float64], reach: int) -> NDArray[np.float6
 
 
 @kernel
-def looked_through(
+def free_space_violation(
     ranges: NDArray[np.float64],
     points: Points,
     weights: Vector,

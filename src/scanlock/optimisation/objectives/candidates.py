@@ -19,7 +19,7 @@ Lists = tuple[Labels, Labels, Labels]
 """Lists of each source (m,), where they start (l + 1,) and their members."""
 
 
-class Candidates(Protocol):
+class Association(Protocol):
     """A rule of who meets whom."""
 
     def at(self, places: Points) -> Lists:
@@ -28,7 +28,7 @@ class Candidates(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NearestTarget:
+class NearestAssociation:
     """The one target whose mean is nearest (Stoyanov et al. 2012); it changes in jumps."""
 
     tree: PointTree
@@ -46,7 +46,7 @@ class NearestTarget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CellsAround:
+class NeighbourCells:
     """The targets at most so many cells away along each axis; they too change in jumps."""
 
     voxels: VoxelGaussians

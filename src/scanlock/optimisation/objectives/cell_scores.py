@@ -13,13 +13,13 @@ from scanlock.kernels.gaussians.cells import cell_terms, trilinear_terms
 from scanlock.models.voxel_gaussians import VoxelGaussians
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
 from scanlock.optimisation.solvers.problem import (
+    Contributions,
     Curvature,
     Quadratic,
-    QuadraticShares,
-    shares_of_rows,
+    contributions_of_rows,
 )
 
-CellMeeting = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
+CellAssociation = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
 """Which cells of the target a point of the source meets.
 
 ``"own-cell"`` the one that it lies in (Biber and Strasser 2003; Das et al. 2013 describe NDT so),
@@ -29,7 +29,7 @@ weights that fall to 0 as a cell drops out (Magnusson et al. 2007). Only the las
 and its slope still jumps.
 """
 
-CELL_MEETINGS: tuple[CellMeeting, ...] = get_args(CellMeeting)
+CELL_ASSOCIATIONS: tuple[CellAssociation, ...] = get_args(CellAssociation)
 """All of them."""
 
 _AROUND = np.indices((3, 3, 3)).reshape(3, 27).T - 1
@@ -51,14 +51,14 @@ class PointsToCells:
 
     target: VoxelGaussians
     points: Points
-    meeting: CellMeeting = "own-cell"
+    meeting: CellAssociation = "own-cell"
     shape: ScoreShape = field(default_factory=ScoreShape)
     curvature: Curvature = "exact"
 
     def __post_init__(self) -> None:
-        if self.meeting not in CELL_MEETINGS:
+        if self.meeting not in CELL_ASSOCIATIONS:
             raise InvalidInput(
-                f"meeting must be one of {', '.join(CELL_MEETINGS)}, got {self.meeting!r}"
+                f"meeting must be one of {', '.join(CELL_ASSOCIATIONS)}, got {self.meeting!r}"
             )
 
     @property
@@ -75,9 +75,9 @@ class PointsToCells:
         """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(self._terms(pose, self.points))
 
-    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+    def shares(self, pose: Pose, units: Labels) -> Contributions:
         """Return what the points of each unit add to gradient and Hessian at `pose`."""
-        return shares_of_rows(units, [self.points], partial(self._terms, pose))
+        return contributions_of_rows(units, [self.points], partial(self._terms, pose))
 
     def _terms(self, pose: Pose, points: Points) -> Vector:
         target = self.target

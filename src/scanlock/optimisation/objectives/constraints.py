@@ -108,7 +108,7 @@ class PosePrior:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Restraint:
+class Constraints:
     """What holds a pose besides the scans."""
 
     dof: DegreesOfFreedom = "xyz+rpy"
@@ -144,15 +144,15 @@ class Restraint:
 
     def on(self, objective: Objective) -> Objective:
         """Return the objective under this restraint; any solver can minimise it."""
-        return objective if self.is_free else Restrained(objective, self)
+        return objective if self.is_free else ConstrainedObjective(objective, self)
 
 
-FREE = Restraint()
+UNCONSTRAINED = Constraints()
 """No restraint at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Restrained:
+class ConstrainedObjective:
     """An objective plus the prior's share, flat along the locked directions.
 
     Attributes
@@ -164,7 +164,7 @@ class Restrained:
     """
 
     objective: Objective
-    restraint: Restraint
+    constraints: Constraints
 
     @property
     def count(self) -> int:
@@ -175,11 +175,11 @@ class Restrained:
         """Return value, gradient and Hessian at `pose`."""
         quadratic = self.objective.linearise(pose)
         value, gradient, hessian = quadratic.value, quadratic.gradient, quadratic.hessian
-        if self.restraint.prior is not None:
+        if self.constraints.prior is not None:
             # The objective is a mean over its observations, and a prior is not one of them.
-            prior = self.restraint.prior.linearise(pose)
+            prior = self.constraints.prior.linearise(pose)
             value += prior.value / self.count
             gradient = gradient + prior.gradient / self.count
             hessian = hessian + prior.hessian / self.count
-        free = self.restraint.free_directions
+        free = self.constraints.free_directions
         return Quadratic(value, free * gradient, hessian * np.outer(free, free))

@@ -11,10 +11,10 @@ from scanlock.kernels.gaussians.pairs import pair_precisions, pair_terms
 from scanlock.models.gaussians import unpacked
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.optimisation.solvers.problem import (
+    Contributions,
     Curvature,
     Quadratic,
-    QuadraticShares,
-    shares_of_rows,
+    contributions_of_rows,
 )
 
 
@@ -101,10 +101,10 @@ class DistributionPairs:
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
-    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+    def shares(self, pose: Pose, units: Labels) -> Contributions:
         """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
         pairs = self.precisions, self.target_rows, self.source_rows
-        return shares_of_rows(units, pairs, partial(self._terms, pose))
+        return contributions_of_rows(units, pairs, partial(self._terms, pose))
 
     def _terms(
         self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels

@@ -13,14 +13,14 @@ from scanlock.kernels.gaussians.d2d import d2d_terms
 from scanlock.kernels.gaussians.p2d import p2d_terms, point_balls
 from scanlock.kernels.points.morton import morton_codes
 from scanlock.models.gaussians import Gaussians
-from scanlock.optimisation.objectives.candidates import Candidates, Lists
-from scanlock.optimisation.objectives.neighbour_lists import NearPairs, Reach
+from scanlock.optimisation.objectives.candidates import Association, Lists
+from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, Reach
 from scanlock.optimisation.solvers.problem import (
+    Contributions,
     Curvature,
     Quadratic,
-    QuadraticShares,
+    contributions_of_rows,
     gathered,
-    shares_of_rows,
 )
 from scanlock.threads import spread
 
@@ -110,7 +110,7 @@ class GaussiansToGaussians:
     shape: ScoreShape = field(default_factory=ScoreShape)
     weight_power: float = 0.5
     curvature: Curvature = "exact"
-    candidates: Candidates | None = None
+    candidates: Association | None = None
     """Pairs that count; None for all."""
 
     @property
@@ -136,7 +136,7 @@ class GaussiansToGaussians:
         """The means of the source."""
         return self.source.means
 
-    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+    def shares(self, pose: Pose, units: Labels) -> Contributions:
         """Return what the Gaussians of each unit add to gradient and Hessian."""
         order, runs = gathered(units)
         ordered = replace(self, source=self.source.taken(order))
@@ -144,9 +144,9 @@ class GaussiansToGaussians:
             lists, starts, members = self.candidates.at(pose.apply(ordered.source.means))
         else:
             every = slice(0, len(order))
-            lists, starts, members = NearPairs(ordered._reach, pose).listed(every)
+            lists, starts, members = NeighbourLists(ordered._reach, pose).listed(every)
         terms = [ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
-        return QuadraticShares.from_terms(self.shape.height * np.array(terms))
+        return Contributions.from_terms(self.shape.height * np.array(terms))
 
     @cached_property
     def _weights(self) -> tuple[Vector, Vector]:
@@ -173,10 +173,10 @@ class GaussiansToGaussians:
         _, _, window_end = self.shape.parameters
         return Reach(self.target, self.source, window_end)
 
-    def _near_at(self, pose: Pose) -> NearPairs:
-        near: NearPairs | None = self.__dict__.get(_KEPT)
+    def _near_at(self, pose: Pose) -> NeighbourLists:
+        near: NeighbourLists | None = self.__dict__.get(_KEPT)
         if near is None or not near.hold_at(pose):
-            near = NearPairs(self._reach, pose)
+            near = NeighbourLists(self._reach, pose)
             # Not part of what the objective is: values are the same whatever is kept.
             self.__dict__[_KEPT] = near
         return near
@@ -209,13 +209,13 @@ class PointsToGaussians:
         """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(self._terms(pose, *self._blocks))
 
-    def shares(self, pose: Pose, units: Labels) -> QuadraticShares:
+    def shares(self, pose: Pose, units: Labels) -> Contributions:
         """Return what the points of each unit add to gradient and Hessian at `pose`."""
 
         def terms(points: Points) -> Vector:
             return self._terms(pose, points, point_balls(points))
 
-        return shares_of_rows(units, [self.points], terms)
+        return contributions_of_rows(units, [self.points], terms)
 
     def _terms(self, pose: Pose, points: Points, balls: Matrix) -> Vector:
         terms = p2d_terms(

@@ -108,7 +108,7 @@ class Reach:
 
 
 @dataclass(frozen=True, eq=False)
-class NearPairs:
+class NeighbourLists:
     """Lists of the targets in reach of every source, good around the pose they are made at.
 
     Attributes

@@ -11,11 +11,11 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.line_descent import LineDescent, LineSearch
 from scanlock.optimisation.solvers.line_search import StrongWolfe
 from scanlock.optimisation.solvers.problem import Curvature, Objective
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.optimisation.solvers.stopping import Stopping
 
 _LEAST_BEND = 1e-10
 """Share of the lengths of a step and of its change of gradient below which their product tells
@@ -26,26 +26,26 @@ nothing of curvature."""
 class Bfgs:
     """Settings of the quasi-Newton solver."""
 
-    stopping: Stopping = field(default_factory=Stopping)
+    criteria: ConvergenceCriteria = field(default_factory=ConvergenceCriteria)
     """Tolerances and the limit of evaluations."""
 
     line_search: LineSearch = field(default_factory=StrongWolfe)
     """Chooses the length of each step."""
 
-    lever: float = 20.0
+    rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_step: float = 0.5
     """Length of the first step tried [m, rotations at the lever arm]: nothing is known yet of the
     curvature."""
 
-    longest_step: float = 10.0
+    max_step: float = 10.0
     """Longest step ever [m, rotations at the lever arm]."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.lever, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
         require_positive("first_step", self.first_step, unit="m")
-        require_positive("longest_step", self.longest_step, unit="m")
+        require_positive("longest_step", self.max_step, unit="m")
 
     @property
     def curvature(self) -> Curvature:
@@ -55,10 +55,10 @@ class Bfgs:
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with every evaluation on the way."""
         descent = LineDescent(
-            stopping=self.stopping,
+            criteria=self.criteria,
             line_search=self.line_search,
-            lever=self.lever,
-            longest_step=self.longest_step,
+            rotation_scale=self.rotation_scale,
+            max_step=self.max_step,
         )
         return descent.minimise(objective, start, QuasiNewton(self.first_step))
 

@@ -9,7 +9,7 @@ _LEAST_CURVATURE = 1e-9
 """Directions with less than this share of the largest curvature are held by rounding alone."""
 
 
-def gauss_newton_step(quadratic: Quadratic, lever: float) -> Vector:
+def gauss_newton_step(quadratic: Quadratic, rotation_scale: float) -> Vector:
     """Return the step ``(rho, phi)`` [m, rad] to the minimum of a convex quadratic.
 
     Directions that the quadratic leaves open, or that a restraint locks, do not move.
@@ -21,7 +21,7 @@ def gauss_newton_step(quadratic: Quadratic, lever: float) -> Vector:
     lever : float [m]
         Distance at which a rotation counts as a translation, to tell what is open.
     """
-    scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+    scale = np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])
     curvatures, axes = np.linalg.eigh(quadratic.hessian / np.outer(scale, scale))
     is_held = curvatures > _LEAST_CURVATURE * curvatures[-1]
     along = axes.T @ (quadratic.gradient / scale)

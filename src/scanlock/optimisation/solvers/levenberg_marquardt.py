@@ -11,9 +11,9 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 
 _LEAST_DAMPING = 1e-4
 """Where damping begins once a step was refused; less would hardly change the step."""
@@ -23,10 +23,10 @@ _LEAST_DAMPING = 1e-4
 class LevenbergMarquardt:
     """Settings of the damped Gauss-Newton solver."""
 
-    stopping: Stopping = field(default_factory=Stopping)
+    criteria: ConvergenceCriteria = field(default_factory=ConvergenceCriteria)
     """Tolerances and the limit of evaluations."""
 
-    lever: float = 20.0
+    rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_damping: float = 1e-3
@@ -39,15 +39,15 @@ class LevenbergMarquardt:
     decay: float = 10.0
     """Divisor of the damping after a step that was not."""
 
-    longest_step: float = 10.0
+    max_step: float = 10.0
     """Longest step along any one axis of the quadratic [m, rotations at the lever arm]."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.lever, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
         require_at_least("first_damping", self.first_damping, 0.0)
         require_at_least("growth", self.growth, 1.5)
         require_at_least("decay", self.decay, 1.0)
-        require_positive("longest_step", self.longest_step, unit="m")
+        require_positive("longest_step", self.max_step, unit="m")
 
     @property
     def curvature(self) -> Curvature:
@@ -56,21 +56,23 @@ class LevenbergMarquardt:
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with every evaluation on the way."""
-        scale = np.array([1.0, 1.0, 1.0, self.lever, self.lever, self.lever])
+        scale = np.array(
+            [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
+        )
         pose, damping = start, self.first_damping
         quadratic = objective.linearise(pose)
         history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
         if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
-            return Solution(pose, quadratic, StopReason.NO_SUPPORT, tuple(history))
+            return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
 
-        while len(history) < self.stopping.iterations:
+        while len(history) < self.criteria.iterations:
             gradient = quadratic.gradient / scale
-            if np.linalg.norm(gradient) < self.stopping.gradient:
+            if np.linalg.norm(gradient) < self.criteria.gradient:
                 return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
             hessian = quadratic.hessian / np.outer(scale, scale)
-            step = _damped_step(gradient, hessian, damping, self.longest_step)
+            step = _damped_step(gradient, hessian, damping, self.max_step)
             step_norm = float(np.linalg.norm(step))
-            if step_norm < self.stopping.step:
+            if step_norm < self.criteria.step:
                 return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
 
             tried_pose = pose.retract(step / scale)

@@ -13,11 +13,11 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import inverse_left_jacobian
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.line_search import Along, Armijo, StrongWolfe
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 
 LineSearch = Armijo | StrongWolfe | MoreThuente
 """Settings that choose the length of a step."""
@@ -43,41 +43,41 @@ class Directions(Protocol):
 class LineDescent:
     """Settings that every descent by line search shares."""
 
-    stopping: Stopping
+    criteria: ConvergenceCriteria
     """Tolerances and the limit of evaluations."""
 
     line_search: LineSearch
     """Chooses the length of each step."""
 
-    lever: float
+    rotation_scale: float
     """Distance at which a rotation counts as a translation [m]."""
 
-    longest_step: float
+    max_step: float
     """Longest step [m, rotations at the lever arm]."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.lever, unit="m")
-        require_positive("longest_step", self.longest_step, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("longest_step", self.max_step, unit="m")
 
     def minimise(self, objective: Objective, start: Pose, directions: Directions) -> Solution:
         """Return the best pose found from `start`, with every evaluation on the way."""
-        walk = _Walk(objective, start, self.lever)
+        walk = _Walk(objective, start, self.rotation_scale)
         if walk.is_void:
-            return walk.solution(StopReason.NO_SUPPORT)
-        while (left := self.stopping.iterations - len(walk.history)) > 0:
+            return walk.solution(StopReason.EMPTY_OBJECTIVE)
+        while (left := self.criteria.iterations - len(walk.history)) > 0:
             gradient = walk.gradient
-            if float(np.linalg.norm(gradient)) < self.stopping.gradient:
+            if float(np.linalg.norm(gradient)) < self.criteria.gradient:
                 return walk.solution(StopReason.GRADIENT_SMALL)
             direction = directions.direction(gradient, walk.hessian)
             norm = float(np.linalg.norm(direction))
-            if norm < self.stopping.step:
+            if norm < self.criteria.step:
                 return walk.solution(StopReason.STEP_SMALL)
             search = replace(self.line_search, trials=min(left, self.line_search.trials))
-            found = search.search(walk.along(direction), 1.0, self.longest_step / norm)
+            found = search.search(walk.along(direction), 1.0, self.max_step / norm)
             length = found.point.length
-            if length * norm < self.stopping.step:
+            if length * norm < self.criteria.step:
                 # What was learnt may mislead here: begin anew before giving up.
-                if len(walk.history) < self.stopping.iterations and not directions.forget():
+                if len(walk.history) < self.criteria.iterations and not directions.forget():
                     return walk.solution(StopReason.STEP_SMALL)
                 continue
             directions.learn(length * direction, walk.moved(length * direction) - gradient)
@@ -87,9 +87,9 @@ class LineDescent:
 class _Walk:
     """Where the solver stands and every evaluation on the way there, in scaled units."""
 
-    def __init__(self, objective: Objective, start: Pose, lever: float) -> None:
+    def __init__(self, objective: Objective, start: Pose, rotation_scale: float) -> None:
         self._objective = objective
-        self._scale = np.array([1.0, 1.0, 1.0, lever, lever, lever])
+        self._scale = np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])
         self._index = 0
         self._quadratics = [objective.linearise(start)]
         self._trials: dict[bytes, int] = {}

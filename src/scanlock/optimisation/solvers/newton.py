@@ -14,9 +14,9 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 
 _LEAST_CURVATURE = 1e-3
 """Eigenvalues are raised to this share of the largest: flat directions stay bounded."""
@@ -29,24 +29,24 @@ _ACCEPTED_GAIN = 1e-4
 class Newton:
     """Settings of the trust-region Newton solver."""
 
-    stopping: Stopping = field(default_factory=lambda: Stopping(step=3e-4))
+    criteria: ConvergenceCriteria = field(default_factory=lambda: ConvergenceCriteria(step=3e-4))
     """Tolerances and the iteration limit. The last step is taken: what is left after one of less
     than 0.3 mm is its square, a thousandth of that."""
 
-    lever: float = 20.0
+    rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_radius: float = 5.0
     """Largest first step [m, rotations at the lever arm]."""
 
-    largest_radius: float = 10.0
+    max_radius: float = 10.0
     """Largest step ever [m, rotations at the lever arm]."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.lever, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
         require_positive("first_radius", self.first_radius, unit="m")
-        require_positive("largest_radius", self.largest_radius, unit="m")
-        require_at_least("largest_radius", self.largest_radius, self.first_radius, unit="m")
+        require_positive("largest_radius", self.max_radius, unit="m")
+        require_at_least("largest_radius", self.max_radius, self.first_radius, unit="m")
 
     @property
     def curvature(self) -> Curvature:
@@ -62,21 +62,23 @@ class Newton:
         Rotations of a step are about zero of the target's frame, so coordinates should lie
         around it, within a few lever arms.
         """
-        scale = np.array([1.0, 1.0, 1.0, self.lever, self.lever, self.lever])
+        scale = np.array(
+            [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
+        )
         squares = np.outer(scale, scale)
         pose, radius = start, self.first_radius
         quadratic = objective.linearise(pose)
         history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
         if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
-            return Solution(pose, quadratic, StopReason.NO_SUPPORT, tuple(history))
+            return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
 
-        while len(history) < self.stopping.iterations:
+        while len(history) < self.criteria.iterations:
             gradient = quadratic.gradient / scale
-            if _length(gradient) < self.stopping.gradient:
+            if _length(gradient) < self.criteria.gradient:
                 return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
             step, predicted = trust_step(gradient, quadratic.hessian / squares, radius)
             step_norm = _length(step)
-            if step_norm < self.stopping.step:
+            if step_norm < self.criteria.step:
                 # A step cut short tells nothing of where the minimum is.
                 if step_norm < 0.99 * radius:
                     pose, quadratic = pose.retract(step / scale), quadratic.after(step / scale)
@@ -99,7 +101,7 @@ class Newton:
         if not gain >= 0.25:
             return 0.25 * step_norm
         if gain > 0.75 and step_norm > 0.8 * radius:
-            return min(2.0 * radius, self.largest_radius)
+            return min(2.0 * radius, self.max_radius)
         return radius
 
 

@@ -63,7 +63,7 @@ class Objective(Protocol):
 
 
 @runtime_checkable
-class Parted(Objective, Protocol):
+class Separable(Objective, Protocol):
     """An objective that is a sum over parts of the source, and can tell their shares."""
 
     @property
@@ -71,7 +71,7 @@ class Parted(Objective, Protocol):
         """(m, 3) where the parts lie, in the source's frame [m]."""
         ...
 
-    def shares(self, pose: Pose, units: Labels) -> "QuadraticShares":
+    def shares(self, pose: Pose, units: Labels) -> "Contributions":
         """Return what each unit adds to gradient and Hessian at `pose`.
 
         Parameters
@@ -85,7 +85,7 @@ class Parted(Objective, Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class QuadraticShares:
+class Contributions:
     """What units of an objective add to its derivatives at a pose.
 
     Attributes
@@ -98,7 +98,7 @@ class QuadraticShares:
     hessians: Matrix
 
     @classmethod
-    def from_terms(cls, terms: Matrix) -> "QuadraticShares":
+    def from_terms(cls, terms: Matrix) -> "Contributions":
         """Return the shares of a kernel's 28 sums, a row for each unit."""
         hessians = np.empty((len(terms), 6, 6))
         hessians[:, _UPPER[0], _UPPER[1]] = terms[:, 7:]
@@ -106,9 +106,9 @@ class QuadraticShares:
         return cls(np.ascontiguousarray(terms[:, 1:7]), hessians)
 
 
-def shares_of_rows(
+def contributions_of_rows(
     units: Labels, arrays: Sequence[NDArray[Any]], terms: Callable[..., Vector]
-) -> QuadraticShares:
+) -> Contributions:
     """Return the shares of units whose rows of some (m, ...) arrays a kernel sums up.
 
     `terms` returns the 28 sums of the rows that it is given of each array.
@@ -116,7 +116,7 @@ def shares_of_rows(
     order, runs = gathered(units)
     ordered = [read_only(array[order]) for array in arrays]
     found = [terms(*(array[run] for array in ordered)) for run in runs]
-    return QuadraticShares.from_terms(np.array(found))
+    return Contributions.from_terms(np.array(found))
 
 
 def gathered(units: Labels) -> tuple[Labels, list[slice]]:

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
-from scanlock.optimisation.solvers.stopping import StopReason
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,21 +6,21 @@ from dataclasses import dataclass, field, replace
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least, require_fraction
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.optimisation.solvers.stopping import StopReason
 from scanlock.registration.methods.auto_scan import AutoScan
-from scanlock.registration.methods.fine_ndt import FineStage
-from scanlock.registration.methods.multi_start import Descent, Descents
-from scanlock.registration.methods.protocol import Found
+from scanlock.registration.methods.fine_ndt import FineNdt
+from scanlock.registration.methods.multi_start import MultiStart, RefinedHypothesis
+from scanlock.registration.methods.protocol import SearchResult
 from scanlock.registration.methods.sgc_ndt import SgcNdt
-from scanlock.registration.search.bev_correlation import HeadingSearch
+from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
 from scanlock.registration.search.cluster_matching import ClusterMatcher
 from scanlock.registration.search.hypothesis import Hypothesis, distinct
 from scanlock.registration.verification.agreement import candidate_at, violation
 from scanlock.registration.verification.candidate import INITIAL, Candidate, plausibility
-from scanlock.registration.verification.features import Evidence, evidence_of
+from scanlock.registration.verification.features import VerificationFeatures, features_from_clusters
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.result import GroundStatus
 from scanlock.timing import StageClock
@@ -38,11 +38,11 @@ forests was a tenth of that of the next, among sixty."""
 class Auto:
     """Settings of the default method; `prepare` each scan once, `find` or `align` any pair."""
 
-    search: HeadingSearch | None = field(default_factory=HeadingSearch)
+    search: BevSearch | None = field(default_factory=BevSearch)
     """Proposes poses from the scans themselves; None leaves it out."""
 
-    deeper: HeadingSearch | None = field(
-        default_factory=lambda: HeadingSearch(openness=0.4, most=60, least_share=0.3)
+    deeper: BevSearch | None = field(
+        default_factory=lambda: BevSearch(openness=0.4, most=60, least_share=0.3)
     )
     """Proposes more poses where those leave doubt; free space sorts out the few to follow. None
     leaves it out. Its viewer is that of `search`."""
@@ -54,13 +54,13 @@ class Auto:
     basin: SgcNdt = field(default_factory=SgcNdt)
     """Descends from an initial pose by its full schedule, which forgives 10 m and 60 degrees."""
 
-    descents: Descents = field(default_factory=Descents)
+    descents: MultiStart = field(default_factory=MultiStart)
     """Descends from the hypotheses."""
 
     imager: RangeImager | None = field(default_factory=RangeImager)
     """Says which poses put things where the other scan looked through; None leaves it out."""
 
-    fine: FineStage | None = field(default_factory=FineStage)
+    fine: FineNdt | None = field(default_factory=FineNdt)
     """Ends what the descents have left; None leaves it out."""
 
     loyalty: float = 1.2
@@ -81,8 +81,8 @@ class Auto:
         finder = self.basin.landmarks
         with clock.stage("ground"):
             ground = finder.segmenter.ground.find(cloud)
-        basin = [scale.largest_radius for scale in self.basin.schedule.scales]
-        near = [scale.largest_radius for scale in self.descents.scales]
+        basin = [scale.max_radius for scale in self.basin.schedule.scales]
+        near = [scale.max_radius for scale in self.descents.scales]
         radii = sorted({*basin, *near}, reverse=True)
         found = finder.find_above(cloud, ground, radii)
         parts = dict(zip(radii, found.gaussians, strict=True))
@@ -90,7 +90,7 @@ class Auto:
             view = None if self.search is None else self.search.view(cloud, ground)
             level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
         with clock.stage("evidence"):
-            evidence = evidence_of(found, self.imager)
+            features = features_from_clusters(found, self.imager)
         with clock.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
         return AutoScan(
@@ -99,24 +99,28 @@ class Auto:
             tuple(parts[radius] for radius in near),
             view,
             level,
-            evidence,
+            features,
             fine,
             {**clock.seconds, **found.timings},
         )
 
     def align(
-        self, target: AutoScan, source: AutoScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, given an initial one."""
-        return self.find(target, source, start, restraint).solution
+        return self.find(target, source, start, constraints).solution
 
     def find(
         self,
         target: AutoScan,
         source: AutoScan,
         initial: Pose | None = None,
-        restraint: Restraint = FREE,
-    ) -> Found:
+        constraints: Constraints = UNCONSTRAINED,
+    ) -> SearchResult:
         """Return the pose that carries the source onto the target, and what else there was.
 
         Parameters
@@ -129,25 +133,25 @@ class Auto:
         history: tuple[Iteration, ...] = ()
         rivals: list[tuple[Candidate, Solution]] = []
         for ends in (self._first_ends, self._further_ends):
-            ended, steps = ends(target, source, initial, restraint)
+            ended, steps = ends(target, source, initial, constraints)
             history += steps + tuple(step for one in ended for step in one.solution.history)
-            evidence = target.evidence, source.evidence
-            rivals += [(judged(*evidence, one), one.solution) for one in ended]
+            features = target.features, source.features
+            rivals += [(judged(*features, one), one.solution) for one in ended]
             count = len(source.parts[-1])
-            rivals.sort(key=lambda rival: self._standing(*rival, restraint, count), reverse=True)
+            rivals.sort(key=lambda rival: self._standing(*rival, constraints, count), reverse=True)
             poses = [candidate.target_from_source for candidate, _ in rivals]
             rivals = [rivals[row] for row in distinct(poses, *self.descents.apart)]
             best = rivals[0][0] if rivals else None
             if best is not None and best.is_plausible and best.agreement >= self.doubt:
                 break
-        return Found(
+        return SearchResult(
             replace(rivals[0][1], history=history),
             tuple(candidate for candidate, _ in rivals),
-            self._rivalry(rivals, restraint, len(source.parts[-1])),
+            self._rivalry(rivals, constraints, len(source.parts[-1])),
         )
 
     def _rivalry(
-        self, ended: list[tuple[Candidate, Solution]], restraint: Restraint, count: int
+        self, ended: list[tuple[Candidate, Solution]], constraints: Constraints, count: int
     ) -> float:
         """Return how well the second stands, as a share of the first.
 
@@ -156,30 +160,30 @@ class Auto:
         """
         if len(ended) < 2:
             return 0.0
-        (_, first), (_, second) = (self._standing(*one, restraint, count) for one in ended[:2])
+        (_, first), (_, second) = (self._standing(*one, constraints, count) for one in ended[:2])
         return max(0.0, second / first) if first > 0.0 else math.nan
 
     def _first_ends(
-        self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
-    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        self, target: AutoScan, source: AutoScan, initial: Pose | None, constraints: Constraints
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return where the search and an initial pose lead."""
         ended, history = self._descended(
-            target, source, self._hypotheses(target, source, restraint), initial, restraint
+            target, source, self._hypotheses(target, source, constraints), initial, constraints
         )
         if initial is not None:
-            ended += self._ends_of(target, source, initial, INITIAL, restraint, ended)
+            ended += self._ends_of(target, source, initial, INITIAL, constraints, ended)
         return ended, history
 
     def _further_ends(
-        self, target: AutoScan, source: AutoScan, initial: Pose | None, restraint: Restraint
-    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        self, target: AutoScan, source: AutoScan, initial: Pose | None, constraints: Constraints
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return where everything else leads, for scans that the first ends leave in doubt."""
         proposed: list[Hypothesis] = []
         if self.deeper is not None and target.view is not None and source.view is not None:
             proposed = self.deeper.hypotheses(target.view, source.view)
-        evidence = target.evidence, source.evidence
+        features = target.features, source.features
         proposed.sort(
-            key=lambda one: one.weight * plausibility(violation(*evidence, one.pose)),
+            key=lambda one: one.weight * plausibility(violation(*features, one.pose)),
             reverse=True,
         )
         proposed = proposed[:_MOST_IN_DOUBT]
@@ -187,10 +191,10 @@ class Auto:
             # What was taken for ground may be a wall: once as it was levelled, once freely.
             proposed += self._matched(target, source)
             proposed += self._matched(target, source, is_free=True)
-        ended, history = self._descended(target, source, proposed, initial, restraint)
+        ended, history = self._descended(target, source, proposed, initial, constraints)
         if initial is None:
             start = Pose.identity()
-            ended += self._ends_of(target, source, start, "identity", restraint, ended)
+            ended += self._ends_of(target, source, start, "identity", constraints, ended)
         return ended, history
 
     def _descended(
@@ -199,8 +203,8 @@ class Auto:
         source: AutoScan,
         hypotheses: list[Hypothesis],
         initial: Pose | None,
-        restraint: Restraint,
-    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+        constraints: Constraints,
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return where hypotheses lead through the descents and the fine stage."""
         if not (target.has_parts and source.has_parts):
             return [], ()
@@ -208,42 +212,48 @@ class Auto:
         ended, history = self.descents.follow(
             target.parts,
             source.parts,
-            [replace(one, pose=restraint.held(one.pose, start)) for one in hypotheses],
-            restraint,
-            lambda pose: plausibility(violation(target.evidence, source.evidence, pose)),
+            [replace(one, pose=constraints.held(one.pose, start)) for one in hypotheses],
+            constraints,
+            lambda pose: plausibility(violation(target.features, source.features, pose)),
         )
-        return [self._refined(target, source, one, restraint) for one in ended], history
+        return [self._refined(target, source, one, constraints) for one in ended], history
 
     def _ends_of(
         self,
         target: AutoScan,
         source: AutoScan,
         start: Pose,
-        maker: str,
-        restraint: Restraint,
-        known: list[Descent],
-    ) -> list[Descent]:
+        proposed_by: str,
+        constraints: Constraints,
+        known: list[RefinedHypothesis],
+    ) -> list[RefinedHypothesis]:
         """Return where a start leads: through its basin, and straight into the fine stage.
 
         A start close by must not be lost on the way through coarser scales. Where its basin leads
         to a place that is known, that is its end; the only one if the start lies close to that.
         """
-        ended: list[Descent] = []
+        ended: list[RefinedHypothesis] = []
         if target.has_parts and source.has_parts:
-            solution = self.basin.align(target.landmarks, source.landmarks, start, restraint)
+            solution = self.basin.align(target.landmarks, source.landmarks, start, constraints)
             met = self._known_at(solution.pose, known)
             if met is None:
-                ended.append(self._refined(target, source, Descent(maker, solution), restraint))
+                ended.append(
+                    self._refined(
+                        target, source, RefinedHypothesis(proposed_by, solution), constraints
+                    )
+                )
             else:
-                ended.append(Descent(maker, replace(met, history=solution.history)))
+                ended.append(RefinedHypothesis(proposed_by, replace(met, history=solution.history)))
                 if self._known_at(start, ended, _START_APART) is not None:
                     return ended
         if self.fine is not None and target.fine is not None and source.fine is not None:
-            solution = self.fine.align(target.fine, source.fine, start, restraint)
-            ended.append(Descent(maker, solution))
+            solution = self.fine.align(target.fine, source.fine, start, constraints)
+            ended.append(RefinedHypothesis(proposed_by, solution))
         return ended
 
-    def _known_at(self, pose: Pose, known: list[Descent], times: float = 1.0) -> Solution | None:
+    def _known_at(
+        self, pose: Pose, known: list[RefinedHypothesis], times: float = 1.0
+    ) -> Solution | None:
         """Return the first solution that is not so many times `apart`, None without one."""
         metres, radians = (times * limit for limit in self.descents.apart)
         for one in known:
@@ -252,11 +262,11 @@ class Auto:
         return None
 
     def _hypotheses(
-        self, target: AutoScan, source: AutoScan, restraint: Restraint
+        self, target: AutoScan, source: AutoScan, constraints: Constraints
     ) -> list[Hypothesis]:
         found: list[Hypothesis] = []
-        if restraint.prior is not None:
-            found.append(Hypothesis(restraint.prior.pose, 1.0, "prior"))
+        if constraints.prior is not None:
+            found.append(Hypothesis(constraints.prior.pose, 1.0, "prior"))
         if self.search is not None and target.view is not None and source.view is not None:
             found += self.search.hypotheses(target.view, source.view)
         if not (target.has_ground and source.has_ground):
@@ -276,32 +286,38 @@ class Auto:
         return self.matcher.hypotheses(*features)
 
     def _refined(
-        self, target: AutoScan, source: AutoScan, descent: Descent, restraint: Restraint
-    ) -> Descent:
+        self,
+        target: AutoScan,
+        source: AutoScan,
+        descent: RefinedHypothesis,
+        constraints: Constraints,
+    ) -> RefinedHypothesis:
         if self.fine is None or target.fine is None or source.fine is None:
             return descent
         pose = descent.solution.pose
-        solution = self.fine.align(target.fine, source.fine, pose, restraint)
+        solution = self.fine.align(target.fine, source.fine, pose, constraints)
         return (
             descent
-            if solution.reason is StopReason.NO_SUPPORT
+            if solution.reason is StopReason.EMPTY_OBJECTIVE
             else replace(descent, solution=solution)
         )
 
     def _standing(
-        self, candidate: Candidate, solution: Solution, restraint: Restraint, count: int
+        self, candidate: Candidate, solution: Solution, constraints: Constraints, count: int
     ) -> tuple[bool, float]:
         """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
         standing = candidate.agreement
-        if candidate.maker == INITIAL:
+        if candidate.proposed_by == INITIAL:
             standing *= self.loyalty
-        if restraint.prior is not None:
+        if constraints.prior is not None:
             # As in the objectives, the prior is one observation beside those of the parts.
-            belief = restraint.prior.linearise(candidate.target_from_source).value
+            belief = constraints.prior.linearise(candidate.target_from_source).value
             standing -= belief / max(1, count)
-        return solution.reason is not StopReason.NO_SUPPORT, standing
+        return solution.reason is not StopReason.EMPTY_OBJECTIVE, standing
 
 
-def judged(target: Evidence, source: Evidence, descent: Descent) -> Candidate:
+def judged(
+    target: VerificationFeatures, source: VerificationFeatures, descent: RefinedHypothesis
+) -> Candidate:
     """Return the candidate that a descent ended with."""
-    return candidate_at(target, source, descent.solution.pose, descent.maker)
+    return candidate_at(target, source, descent.solution.pose, descent.proposed_by)

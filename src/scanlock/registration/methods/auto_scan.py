@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.methods.fine_ndt import FineScan
-from scanlock.registration.search.bev_grid import PlanView
-from scanlock.registration.verification.features import Evidence
-from scanlock.segmentation.cluster_gaussians import LEAST_PARTS, Landmarks
+from scanlock.registration.methods.fine_ndt import FineNdtScan
+from scanlock.registration.search.bev_grid import BevGrid
+from scanlock.registration.verification.features import VerificationFeatures
+from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS, ClusterGaussians
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +37,12 @@ class AutoScan:
     """
 
     cloud: PointCloud
-    landmarks: Landmarks
+    landmarks: ClusterGaussians
     parts: tuple[Gaussians, ...]
-    view: PlanView | None
+    view: BevGrid | None
     level: Pose | None
-    evidence: Evidence
-    fine: FineScan | None
+    features: VerificationFeatures
+    fine: FineNdtScan | None
     timings: Mapping[str, float]
 
     @property
@@ -61,12 +61,16 @@ class AutoScan:
     @property
     def has_parts(self) -> bool:
         """Whether there are clusters enough to descend by."""
-        return not self.landmarks.shortage
+        return not self.landmarks.insufficient
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
         if self.has_parts or self.fine is None:
-            return self.landmarks.shortage
+            return self.landmarks.insufficient
         cells = len(self.fine.gaussians)
-        return "" if cells >= LEAST_PARTS else f"{self.landmarks.shortage}, and {cells} small cells"
+        return (
+            ""
+            if cells >= MIN_GAUSSIANS
+            else f"{self.landmarks.insufficient}, and {cells} small cells"
+        )

@@ -19,7 +19,7 @@ _SURFACES = {"closest": 1.10, "voxel": 1.11}
 _PAIRS = {"point-to-plane": 1.86, "point-to-point": 4.42}
 
 
-def deviation_factor(method: Any) -> float:
+def covariance_factor(method: Any) -> float:
     """Return the factor of the deviations of a method; 1 for one that was never measured.
 
     The root of a sixth of the mean squared error, over the covariance that the scatter tells, of
@@ -31,7 +31,7 @@ def deviation_factor(method: Any) -> float:
     """
     match method:
         case Auto():
-            return deviation_factor(method.basin) if method.fine is None else _FINE_STAGE
+            return covariance_factor(method.basin) if method.fine is None else _FINE_STAGE
         case NdtD2d():
             return _CELLS_TO_CELLS
         case Ndt():

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field, replace
 
 from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.stopping import StopReason
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,7 +25,7 @@ class Scale:
     blur: float
     """Standard deviation added to every Gaussian [m]; 0 leaves them as they are."""
 
-    largest_radius: float
+    max_radius: float
     """Clusters are cut to this radius [m]; under a blur, finer ones only cost time."""
 
     weight_power: float = 0.5
@@ -37,15 +37,15 @@ class Scale:
     def __post_init__(self) -> None:
         require_at_least("weight_power", self.weight_power, 0.0)
         require_at_least("blur", self.blur, 0.0, unit="m")
-        require_positive("largest_radius", self.largest_radius, unit="m")
+        require_positive("largest_radius", self.max_radius, unit="m")
 
 
 DEFAULT_SCALES = (
-    Scale(blur=8.0, largest_radius=6.0),
-    Scale(blur=4.0, largest_radius=6.0),
-    Scale(blur=2.0, largest_radius=3.0, is_entry=True),
-    Scale(blur=1.0, largest_radius=3.0),
-    Scale(blur=0.0, largest_radius=1.5, weight_power=0.25),
+    Scale(blur=8.0, max_radius=6.0),
+    Scale(blur=4.0, max_radius=6.0),
+    Scale(blur=2.0, max_radius=3.0, is_entry=True),
+    Scale(blur=1.0, max_radius=3.0),
+    Scale(blur=0.0, max_radius=1.5, weight_power=0.25),
 )
 """The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision.
 
@@ -54,7 +54,7 @@ need a say, for they know the angles. Where the scans share little, a wide blur 
 together, away even from a true start; a second descent that begins at 2 m is spared that.
 """
 
-PAPER_SCALES = (Scale(blur=0.0, largest_radius=3.0),)
+PAPER_SCALES = (Scale(blur=0.0, max_radius=3.0),)
 """One scale, as in Das et al. 2013: the basin is then that of the sharp clusters."""
 
 
@@ -68,16 +68,16 @@ class CoarseToFine:
     solver: Solver = field(default_factory=Newton)
     """Minimises at each scale."""
 
-    loose_step: float = 0.01
+    coarse_tolerance: float = 0.01
     """A blurred scale stops at steps below this share of its blur: the next one goes on."""
 
     def __post_init__(self) -> None:
         blurs = [scale.blur for scale in self.scales]
-        radii = [scale.largest_radius for scale in self.scales]
+        radii = [scale.max_radius for scale in self.scales]
         for name, values in (("blur", blurs), ("largest_radius", radii)):
             if not values or values != sorted(values, reverse=True):
                 raise InvalidInput(f"{name} must not grow from scale to scale, got {values}")
-        require_fraction("loose_step", self.loose_step)
+        require_fraction("loose_step", self.coarse_tolerance)
 
     def minimise(self, objective_at: Callable[[int], Objective], start: Pose) -> Solution:
         """Return the best solution of the finest scale, with the history of all descents.
@@ -100,7 +100,7 @@ class CoarseToFine:
                 if solution is not None:
                     solutions.append(solution)
         best = min(solutions, key=lambda one: one.quadratic.value)
-        pose = start if best.reason is StopReason.NO_SUPPORT else best.pose
+        pose = start if best.reason is StopReason.EMPTY_OBJECTIVE else best.pose
         finest = objective_at(len(self.scales) - 1)
         return replace(best, pose=pose, history=tuple(history), objective=finest)
 
@@ -122,19 +122,22 @@ class CoarseToFine:
             history += solution.history
             start = solution.pose
             # Either stopped a step from the minimum at most, so this is one and the same.
-            same = 2.0 * solver.stopping.step
-            if any(at == index and _gap(start, pose, solver.lever) <= same for at, pose in ends):
+            same = 2.0 * solver.criteria.step
+            if any(
+                at == index and _gap(start, pose, solver.rotation_scale) <= same
+                for at, pose in ends
+            ):
                 return None, history
             own.append((index, start))
         ends += own
         return solution, history
 
     def _solver_at(self, scale: Scale) -> Solver:
-        stopping = self.solver.stopping
-        step = max(stopping.step, self.loose_step * scale.blur)
-        return replace(self.solver, stopping=replace(stopping, step=step))
+        criteria = self.solver.criteria
+        step = max(criteria.step, self.coarse_tolerance * scale.blur)
+        return replace(self.solver, criteria=replace(criteria, step=step))
 
 
-def _gap(one: Pose, other: Pose, lever: float) -> float:
+def _gap(one: Pose, other: Pose, rotation_scale: float) -> float:
     metres, radians = one.distance(other)
-    return metres + lever * radians
+    return metres + rotation_scale * radians

@@ -13,12 +13,12 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
-from scanlock.registration.methods.rejection import AdaptiveGate, Gate
+from scanlock.registration.methods.rejection import AdaptiveRejection, Rejection
 
 Residual = Literal["point-to-point", "point-to-plane"]
 """The distance of a pair, or its part along the normal of the target's surface."""
 
-LEAST_POINTS = 10
+MIN_CORRESPONDENCES = 10
 """Of fewer points, or fewer pairs, no pose is worth the name."""
 
 _SHELLS = 10
@@ -68,15 +68,15 @@ class PointScan:
         return self.closest.points
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
-        if len(self.points) >= LEAST_POINTS:
+        if len(self.points) >= MIN_CORRESPONDENCES:
             return ""
-        return f"holds {len(self.points)} points to pair, of {LEAST_POINTS} needed"
+        return f"holds {len(self.points)} points to pair, of {MIN_CORRESPONDENCES} needed"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pairs:
+class Correspondences:
     """The pairs of one iteration that count.
 
     Attributes
@@ -111,10 +111,10 @@ class Pairs:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Pairing:
+class CorrespondenceFinder:
     """Settings that pair the points of two scans at a pose."""
 
-    gate: Gate = field(default_factory=AdaptiveGate)
+    gate: Rejection = field(default_factory=AdaptiveRejection)
     """Pairs too far apart are dropped."""
 
     reach: float = 10.0
@@ -145,7 +145,7 @@ class Pairing:
         previous: float,
         most: float,
         residual: Residual,
-    ) -> Pairs:
+    ) -> Correspondences:
         """Return the pairs that count at a pose.
 
         Parameters
@@ -165,7 +165,7 @@ class Pairing:
         met = np.flatnonzero(partners >= 0)
         if not len(met):
             nobody = read_only(np.zeros(0, np.int64))
-            return Pairs(nobody, nobody, np.zeros(0), np.nan, previous)
+            return Correspondences(nobody, nobody, np.zeros(0), np.nan, previous)
         limit = min(self.gate.limit(distances[met], previous, target.spacing), most)
         rows = met[distances[met] <= limit]
         if self.orientation is not None:
@@ -183,14 +183,14 @@ class Pairing:
         rows: Labels,
         limit: float,
         residual: Residual,
-    ) -> Pairs:
+    ) -> Correspondences:
         residuals = distances[rows]
         mean = float(residuals.mean()) if len(rows) else np.nan
         if residual == "point-to-plane":
             gaps = moved[rows] - target.points[partners[rows]]
             residuals = np.einsum("ma,ma->m", gaps, target.normals[partners[rows]])
         weights = self.robust.weights(residuals) if len(rows) else np.zeros(0)
-        return Pairs(read_only(partners[rows]), read_only(rows), weights, mean, limit)
+        return Correspondences(read_only(partners[rows]), read_only(rows), weights, mean, limit)
 
 
 def typical_spacing(tree: PointTree) -> float:

@@ -13,21 +13,21 @@ from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
-from scanlock.optimisation.solvers.stopping import Stopping
-from scanlock.registration.methods.scales import LEAST_SHARE
+from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.registration.methods.scales import MIN_COVERAGE
 from scanlock.registration.methods.voxel_scan import measured_points, require_widths
-from scanlock.segmentation.cluster_gaussians import LEAST_PARTS
+from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 from scanlock.threads import spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FineScan:
+class FineNdtScan:
     """The small cells of a scan.
 
     Attributes
@@ -52,7 +52,7 @@ class FineScan:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class FineStage:
+class FineNdt:
     """Settings of the last stage; `prepare` each scan once, `align` as many pairs as wanted."""
 
     widths: tuple[float, ...] = (1.0, 2.0, 4.0)
@@ -77,10 +77,10 @@ class FineStage:
     grid: VoxelGrid = field(default_factory=VoxelGrid)
     """What becomes of the points of a cell."""
 
-    solver: Solver = field(default_factory=lambda: Newton(stopping=Stopping(step=1e-3)))
+    solver: Solver = field(default_factory=lambda: Newton(criteria=ConvergenceCriteria(step=1e-3)))
     """Minimises the score. What is left after a step of a millimetre is two thousandths of it."""
 
-    loose_step: float = 0.03
+    coarse_tolerance: float = 0.03
     """All shapes but the last stop at steps below this [m]."""
 
     def __post_init__(self) -> None:
@@ -88,21 +88,25 @@ class FineStage:
         require_at_least("offsets", len(self.offsets), 1)
         require_at_least("shapes", len(self.shapes), 1)
         require_positive("weight_power", self.weight_power)
-        require_positive("loose_step", self.loose_step, unit="m")
+        require_positive("loose_step", self.coarse_tolerance, unit="m")
 
-    def prepare(self, cloud: PointCloud) -> FineScan:
+    def prepare(self, cloud: PointCloud) -> FineNdtScan:
         """Return the cells of a cloud at the width that its density allows."""
         points = measured_points(cloud)
         found = self._cells(points, self.widths[0])
         for coarser in self.widths[1:]:
             share = found.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
-            if share >= LEAST_SHARE and len(found.gaussians) >= LEAST_PARTS:
+            if share >= MIN_COVERAGE and len(found.gaussians) >= MIN_GAUSSIANS:
                 break
             found = self._cells(points, coarser)
         return found
 
     def align(
-        self, target: FineScan, source: FineScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: FineNdtScan,
+        source: FineNdtScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start close by."""
         width = max(target.width, source.width)
@@ -116,19 +120,19 @@ class FineStage:
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,
             )
-            solver = self.solver if is_last else loosened(self.solver, self.loose_step)
-            return solver, restraint.on(objective)
+            solver = self.solver if is_last else with_tolerance(self.solver, self.coarse_tolerance)
+            return solver, constraints.on(objective)
 
         *first, last = self.shapes
         stages = [*(stage(shape, False) for shape in first), stage(last, True)]
-        return minimise_in_turn(stages, start)
+        return minimise_staged(stages, start)
 
-    def _at_width(self, scan: FineScan, width: float) -> FineScan:
+    def _at_width(self, scan: FineNdtScan, width: float) -> FineNdtScan:
         return scan if scan.width == width else self._cells(scan.points, width)
 
-    def _cells(self, points: Points, width: float) -> FineScan:
+    def _cells(self, points: Points, width: float) -> FineNdtScan:
         grids = spread(
             lambda offset: replace(self.grid, offset=offset).gaussians(points, width).gaussians,
             self.offsets,
         )
-        return FineScan(points, width, Gaussians.joined(grids), grids[0])
+        return FineNdtScan(points, width, Gaussians.joined(grids), grids[0])

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from scanlock.clouds.kept_neighbours import kept_neighbours
+from scanlock.clouds.cached_neighbours import cached_neighbours
 from scanlock.clouds.neighbours import ClosestPoints
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
@@ -16,13 +16,13 @@ from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
 from scanlock.models.surfaces import Neighbourhoods, SurfaceShape, require_surface
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 from scanlock.timing import StageClock
 
 _LEAST_POINTS = 10
@@ -68,7 +68,7 @@ class SurfaceScan:
         return (f"{len(self.surface)} surface points; {self.left_out} others stand alone",)
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
         if len(self.surface) >= _LEAST_POINTS:
             return ""
@@ -106,7 +106,9 @@ class Gicp:
     """Variance across the surface, where that along it is 1 [m^2]; the paper's epsilon."""
 
     solver: Solver = field(
-        default_factory=lambda: LevenbergMarquardt(stopping=Stopping(step=1e-4, iterations=10))
+        default_factory=lambda: LevenbergMarquardt(
+            criteria=ConvergenceCriteria(step=1e-4, iterations=10)
+        )
     )
     """Minimises over the pose while the pairs are held."""
 
@@ -116,7 +118,7 @@ class Gicp:
     rounds: int = 60
     """How often points are paired anew at one scale, at most."""
 
-    lever: float = 20.0
+    rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
@@ -131,7 +133,7 @@ class Gicp:
         require_positive("widest", self.widest, unit="m")
         require_positive("tolerance", self.tolerance, unit="m")
         require_count("rounds", self.rounds)
-        require_positive("lever", self.lever, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
         require_surface(self.neighbours, self.shape, self.thinness)
 
     def prepare(self, cloud: PointCloud) -> SurfaceScan:
@@ -154,7 +156,11 @@ class Gicp:
         return SurfaceScan(cloud, surface, tree, voxels, count - len(tree), clock.seconds)
 
     def align(
-        self, target: SurfaceScan, source: SurfaceScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: SurfaceScan,
+        source: SurfaceScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start.
 
@@ -162,9 +168,9 @@ class Gicp:
         """
         *coarse, finest = self._scales
         pose, history, notes = start, list[Iteration](), tuple[str, ...]()
-        closest = kept_neighbours(target.tree)
+        closest = cached_neighbours(target.tree)
         for scale in coarse:
-            solution = self._descend(scale, target, source, pose, restraint, closest)
+            solution = self._descend(scale, target, source, pose, constraints, closest)
             history.extend(solution.history)
             pose = solution.pose
         if coarse:
@@ -173,8 +179,8 @@ class Gicp:
                 # In a narrow place, or where little is shared, wide reaches leave a good start.
                 pose = start
                 notes = ("the coarse scales led away from the start and were not followed",)
-        solution = self._descend(finest, target, source, pose, restraint, closest)
-        is_lost = solution.reason is StopReason.NO_SUPPORT
+        solution = self._descend(finest, target, source, pose, constraints, closest)
+        is_lost = solution.reason is StopReason.EMPTY_OBJECTIVE
         return replace(
             solution,
             pose=start if is_lost else solution.pose,
@@ -192,7 +198,7 @@ class Gicp:
         target: SurfaceScan,
         source: SurfaceScan,
         start: Pose,
-        restraint: Restraint,
+        constraints: Constraints,
         closest: ClosestPoints,
     ) -> Solution:
         """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
@@ -206,15 +212,15 @@ class Gicp:
             note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
             if pairs.count < _LEAST_POINTS:
                 history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
-                reason = StopReason.NO_SUPPORT
+                reason = StopReason.EMPTY_OBJECTIVE
                 break
-            objective = restraint.on(pairs)
+            objective = constraints.on(pairs)
             solution = self.solver.minimise(objective, pose)
             first, *others = (replace(one, pairs=pairs.count) for one in solution.history)
             history += [replace(first, mean_distance=distance), *others]
             metres, radians = pose.distance(solution.pose)
             pose, quadratic = solution.pose, solution.quadratic
-            if math.hypot(metres, self.lever * radians) < tolerance:
+            if math.hypot(metres, self.rotation_scale * radians) < tolerance:
                 reason = StopReason.STEP_SMALL
                 break
         return Solution(pose, quadratic, reason, tuple(history), (note,), objective)

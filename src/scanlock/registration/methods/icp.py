@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 
-from scanlock.clouds.kept_neighbours import kept_neighbours
+from scanlock.clouds.cached_neighbours import cached_neighbours
 from scanlock.clouds.neighbours import Search, closest_points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
@@ -14,21 +14,21 @@ from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
-from scanlock.models.surfaces import LEAST_NEIGHBOURS, surface_normals
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.models.surfaces import MIN_NEIGHBOURS, surface_normals
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.optimisation.solvers.stopping import StopReason
 from scanlock.registration.methods.correspondences import (
-    LEAST_POINTS,
-    Pairing,
+    MIN_CORRESPONDENCES,
+    CorrespondenceFinder,
     PointScan,
     typical_spacing,
 )
 from scanlock.registration.methods.icp_annealing import AnnealedStart
-from scanlock.registration.methods.icp_history import IcpStopping, Trail
-from scanlock.registration.methods.rejection import AdaptiveGate
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
+from scanlock.registration.methods.rejection import AdaptiveRejection
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.timing import StageClock
 
 
@@ -39,7 +39,7 @@ class Icp:
     search: Search = "k-d tree"
     """How closest points are found: a k-d tree, or the paper's Delaunay tessellation."""
 
-    pairing: Pairing = field(default_factory=Pairing)
+    pairing: CorrespondenceFinder = field(default_factory=CorrespondenceFinder)
     """Which pairs count, and how much."""
 
     settling: float = 0.01
@@ -48,7 +48,7 @@ class Icp:
     precise end after it. With infinity it looks at the latter from the second iteration on, as
     in Zhang 1994; gates with statistics of all pairs never do."""
 
-    fit: PairFit = field(default_factory=PairFit)
+    fit: TransformEstimation = field(default_factory=TransformEstimation)
     """How pairs become a motion."""
 
     noise: SensorNoise | None = None
@@ -61,7 +61,7 @@ class Icp:
     neighbours: int = 10
     """Nearest points, itself included, that make the surface about a point."""
 
-    stopping: IcpStopping = field(default_factory=IcpStopping)
+    criteria: IcpConvergenceCriteria = field(default_factory=IcpConvergenceCriteria)
     """When to stop."""
 
     annealing: AnnealedStart | None = None
@@ -79,12 +79,12 @@ class Icp:
         good_distance : float, optional [m]
             The paper's D; three times the spacing of the target by default.
         """
-        gate = AdaptiveGate(good_distance=good_distance, statistics="all")
+        gate = AdaptiveRejection(good_distance=good_distance, statistics="all")
         return cls(
             search="delaunay",
-            pairing=Pairing(gate=gate, reach=math.inf),
+            pairing=CorrespondenceFinder(gate=gate, reach=math.inf),
             spacing=None,
-            stopping=IcpStopping(change=0.01),
+            criteria=IcpConvergenceCriteria(change=0.01),
         )
 
     def __post_init__(self) -> None:
@@ -96,7 +96,7 @@ class Icp:
             require_positive("settling", self.settling, unit="m")
         if self.spacing is not None:
             require_positive("spacing", self.spacing, unit="m")
-        require_count("neighbours", self.neighbours, LEAST_NEIGHBOURS)
+        require_count("neighbours", self.neighbours, MIN_NEIGHBOURS)
 
     def prepare(self, cloud: PointCloud) -> PointScan:
         """Return what the method keeps of a scan."""
@@ -127,7 +127,11 @@ class Icp:
         )
 
     def align(
-        self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: PointScan,
+        source: PointScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start.
 
@@ -136,10 +140,10 @@ class Icp:
         meet, or robust weights leave as few, is returned untouched, with NO_SUPPORT.
         """
         if self.annealing is None:
-            return self._descend(target, source, start, restraint)
-        starts = self.annealing.poses(target, source, start, restraint)
-        found = [self._descend(target, source, pose, restraint) for pose in starts]
-        supported = [one for one in found if one.reason is not StopReason.NO_SUPPORT]
+            return self._descend(target, source, start, constraints)
+        starts = self.annealing.poses(target, source, start, constraints)
+        found = [self._descend(target, source, pose, constraints) for pose in starts]
+        supported = [one for one in found if one.reason is not StopReason.EMPTY_OBJECTIVE]
         if not supported:
             return found[0]
         gaps = [self.annealing.trimmed_distance(target, source, one.pose) for one in supported]
@@ -151,25 +155,25 @@ class Icp:
         return replace(kept, notes=(*kept.notes, note))
 
     def _descend(
-        self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint
+        self, target: PointScan, source: PointScan, start: Pose, constraints: Constraints
     ) -> Solution:
         """Pair and fit in turn."""
-        target = replace(target, closest=kept_neighbours(target.closest))
-        trail = Trail(self.fit.lever)
+        target = replace(target, closest=cached_neighbours(target.closest))
+        trail = IcpHistory(self.fit.rotation_scale)
         trail.note(self.pairing.gate.note(target.spacing))
         pose, most = start, math.inf
         while True:
             previous = trail.settled_limit(self.settling, pose)
             pairs = self.pairing.pair(target, source, pose, previous, most, self.fit.residual)
-            if pairs.effective < LEAST_POINTS:
+            if pairs.effective < MIN_CORRESPONDENCES:
                 trail.add(_NOTHING, pose, pairs, accepted=False)
-                return trail.solution(start, _NOTHING, StopReason.NO_SUPPORT)
+                return trail.solution(start, _NOTHING, StopReason.EMPTY_OBJECTIVE)
             objective = self.fit.objective(target, source, pairs, pose)
-            restrained = restraint.on(objective)
+            restrained = constraints.on(objective)
             quadratic = restrained.linearise(pose)
             trail.add(quadratic, pose, pairs)
-            reason, note = self.stopping.reason(trail.history)
-            if reason is None and (period := trail.period(self.stopping.step)):
+            reason, note = self.criteria.reason(trail.history)
+            if reason is None and (period := trail.period(self.criteria.step)):
                 # Limits that grow and shrink in turn are held at their least; what comes back
                 # even so are pairs that change sides, for ever.
                 reason = StopReason.STEP_SMALL if most < math.inf else None
@@ -181,7 +185,7 @@ class Icp:
                 share = len(pairs) / len(source.points)
                 trail.note(f"{len(pairs)} pairs, {share:.0%} of the source")
                 return trail.solution(pose, quadratic, reason, restrained)
-            pose, note = self.fit.moved(objective, quadratic, pose, restraint)
+            pose, note = self.fit.moved(objective, quadratic, pose, constraints)
             trail.note(note)
 
 

@@ -14,7 +14,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import Restraint
+from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.solvers.annealing import Annealing
 from scanlock.registration.methods.correspondences import PointScan
 from scanlock.segmentation.segmentation import Segmenter, is_obstacle
@@ -76,7 +76,7 @@ class AnnealedStart:
         return np.concatenate([chosen, others])
 
     def poses(
-        self, target: PointScan, source: PointScan, start: Pose, restraint: Restraint
+        self, target: PointScan, source: PointScan, start: Pose, constraints: Constraints
     ) -> tuple[Pose, ...]:
         """Return the start and the poses that the search found, to descend from each."""
         if not len(source.sample):
@@ -86,7 +86,7 @@ class AnnealedStart:
         def energy(pose: Pose) -> float:
             return self._trimmed_mean(distances.at(pose.apply(source.sample)))
 
-        found = self.annealing.search(energy, start, restraint.free_directions)
+        found = self.annealing.search(energy, start, constraints.free_directions)
         return (start, *(minimum.pose for minimum in found))
 
     def trimmed_distance(self, target: PointScan, source: PointScan, pose: Pose) -> float:

@@ -5,17 +5,17 @@ from dataclasses import dataclass, field
 
 from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.optimisation.solvers.stopping import StopReason
-from scanlock.registration.methods.correspondences import Pairs
+from scanlock.registration.methods.correspondences import Correspondences
 
 _LONGEST_PERIOD = 8
 """Iterations after which poses are looked for that came back; longer cycles were never seen."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class IcpStopping:
+class IcpConvergenceCriteria:
     """The three ways to stop of the paper: near enough, no more change, or too long."""
 
     mean_distance: float | None = None
@@ -62,10 +62,10 @@ class IcpStopping:
 
 
 @dataclass(slots=True)
-class Trail:
+class IcpHistory:
     """The iterations so far, and the limits of their pairs."""
 
-    lever: float
+    rotation_scale: float
     """Distance at which a rotation counts as a translation [m]."""
 
     history: list[Iteration] = field(default_factory=list[Iteration])
@@ -76,10 +76,12 @@ class Trail:
     held_from: int = 0
     """The iteration since which the limits of pairs are held at a least; 0 before."""
 
-    def add(self, quadratic: Quadratic, pose: Pose, pairs: Pairs, accepted: bool = True) -> None:
+    def add(
+        self, quadratic: Quadratic, pose: Pose, pairs: Correspondences, accepted: bool = True
+    ) -> None:
         """Keep an iteration: the pose, its pairs, and the objective of these there."""
         moved = self.step_between(self.history[-1].pose, pose) if self.history else 0.0
-        slope = math.hypot(*quadratic.gradient[:3], *(quadratic.gradient[3:] / self.lever))
+        slope = math.hypot(*quadratic.gradient[:3], *(quadratic.gradient[3:] / self.rotation_scale))
         self.history.append(
             Iteration(
                 quadratic.value, slope, moved, accepted, pose, pairs.mean_distance, len(pairs)
@@ -90,7 +92,7 @@ class Trail:
     def step_between(self, one: Pose, other: Pose) -> float:
         """Return how far apart two poses are [m], rotations counted at the lever."""
         metres, radians = one.distance(other)
-        return math.hypot(metres, self.lever * radians)
+        return math.hypot(metres, self.rotation_scale * radians)
 
     def period(self, tolerance: float) -> int:
         """Return after how many iterations the last pose came back, within [m]; 0 if it did not.

@@ -19,7 +19,7 @@ from scanlock.errors import (
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.k_means import KMeans
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.gaussian_scores import (
     GaussiansToGaussians,
     PointsToGaussians,
@@ -29,8 +29,8 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
-from scanlock.registration.methods.scales import dense_scales, shares_of, shortage_of
+from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.registration.methods.scales import dense_scales, insufficient_reason, shares_of
 from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import is_obstacle
@@ -71,9 +71,9 @@ class KMeansScan:
         return (f"{found} Gaussians by k-means of {len(self.points)} points",)
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
-        return shortage_of(self, "parts")
+        return insufficient_reason(self, "parts")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -102,7 +102,7 @@ class MskmNdt:
     least_count: int = 6
     """Parts of fewer thinned points are left out."""
 
-    deviation_floor: float = 0.1
+    min_deviation: float = 0.1
     """Least standard deviation of a Gaussian along any axis [m]."""
 
     shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
@@ -114,7 +114,7 @@ class MskmNdt:
     solver: Solver = field(default_factory=Newton)
     """Minimises at each scale."""
 
-    loose_step: float = 0.01
+    coarse_tolerance: float = 0.01
     """All scales but the last stop at steps below this share of their typical deviation."""
 
     def __post_init__(self) -> None:
@@ -128,9 +128,9 @@ class MskmNdt:
             require_count("counts", count)
         require_positive("spacing", self.spacing, unit="m")
         require_count("least_count", self.least_count, 2)
-        require_positive("deviation_floor", self.deviation_floor, unit="m")
+        require_positive("deviation_floor", self.min_deviation, unit="m")
         require_at_least("weight_power", self.weight_power, 0.0)
-        require_fraction("loose_step", self.loose_step)
+        require_fraction("loose_step", self.coarse_tolerance)
 
     def prepare(self, cloud: PointCloud) -> KMeansScan:
         """Return what the method keeps of a scan."""
@@ -148,26 +148,30 @@ class MskmNdt:
         return KMeansScan(cloud, thinned, gaussians, shares, clock.seconds)
 
     def align(
-        self, target: KMeansScan, source: KMeansScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: KMeansScan,
+        source: KMeansScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_in_turn(self._stages(target, source, restraint), start)
+        return minimise_staged(self._stages(target, source, constraints), start)
 
     def _gaussians(self, points: Points, count: int) -> Gaussians:
         labels = self.k_means.labels(points, count)
         found = Gaussians.from_labels(points, labels, self.least_count)
-        return found.floored(self.deviation_floor)
+        return found.regularised(self.min_deviation)
 
     def _stages(
-        self, target: KMeansScan, source: KMeansScan, restraint: Restraint
+        self, target: KMeansScan, source: KMeansScan, constraints: Constraints
     ) -> Iterator[Stage]:
         scales = dense_scales(target, source)
         for scale in scales:
             stays, moves = target.gaussians[scale], source.gaussians[scale]
             deviation = float(np.sqrt(np.median(stays.widths)))
-            loose = 0.0 if scale == scales[-1] else self.loose_step * deviation
+            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * deviation
             objective = self._objective(stays, moves, source.points)
-            yield loosened(self.solver, loose), restraint.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.on(objective)
 
     def _objective(self, target: Gaussians, source: Gaussians, points: Points) -> Objective:
         if self.score == "p2d":

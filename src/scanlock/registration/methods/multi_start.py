@@ -6,19 +6,19 @@ from dataclasses import dataclass, field, replace
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.optimisation.objectives.constraints import Restraint
+from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import loosened
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+from scanlock.optimisation.solvers.staged import with_tolerance
 from scanlock.registration.methods.coarse_to_fine import Scale
 from scanlock.registration.search.hypothesis import Hypothesis, distinct
 
 HYPOTHESIS_SCALES = (
-    Scale(blur=1.0, largest_radius=3.0, weight_power=0.25),
-    Scale(blur=0.0, largest_radius=1.5, weight_power=0.25),
+    Scale(blur=1.0, max_radius=3.0, weight_power=0.25),
+    Scale(blur=0.0, max_radius=1.5, weight_power=0.25),
 )
 """For starts within 2 m and a few degrees. A wider blur would pull scans that share little to where
 their centres meet; and near objects, rich in points, may move with the sensor: its carrier, its
@@ -26,7 +26,7 @@ vehicle. So they do not lead here."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Descent:
+class RefinedHypothesis:
     """Where a hypothesis ended.
 
     Attributes
@@ -36,22 +36,22 @@ class Descent:
     solution : Solution
     """
 
-    maker: str
+    proposed_by: str
     solution: Solution
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Descents:
+class MultiStart:
     """Settings: SGC-NDT D2D, scale by scale, and which descents go on after each."""
 
     scales: tuple[Scale, ...] = HYPOTHESIS_SCALES
     """Coarsest first."""
 
-    solver: Solver = field(default_factory=lambda: Newton(stopping=Stopping(step=5e-3)))
+    solver: Solver = field(default_factory=lambda: Newton(criteria=ConvergenceCriteria(step=5e-3)))
     """Minimises at each scale. What is left after a step of 5 mm is a fraction of a millimetre, and
     the last stage goes on from there."""
 
-    loose_step: float = 0.01
+    coarse_tolerance: float = 0.01
     """A blurred scale stops at steps below this share of its blur."""
 
     least_share: float = 0.4
@@ -66,7 +66,7 @@ class Descents:
     def __post_init__(self) -> None:
         if not self.scales:
             raise InvalidInput("scales must not be empty")
-        require_fraction("loose_step", self.loose_step)
+        require_fraction("loose_step", self.coarse_tolerance)
         require_fraction("least_share", self.least_share)
         require_count("most", self.most, 1)
         for one, unit in zip(self.apart, ("m", "rad"), strict=True):
@@ -77,9 +77,9 @@ class Descents:
         target: Sequence[Gaussians],
         source: Sequence[Gaussians],
         hypotheses: Iterable[Hypothesis],
-        restraint: Restraint,
+        constraints: Constraints,
         plausibility: Callable[[Pose], float],
-    ) -> tuple[list[Descent], tuple[Iteration, ...]]:
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return the descents that went to the end, best first, and the history of all.
 
         Parameters
@@ -93,35 +93,37 @@ class Descents:
             What else speaks for a pose, from 1 down to 0: its factor to the score.
         """
         history: list[Iteration] = []
-        running = [(one.maker, one.pose) for one in hypotheses]
-        ended: list[Descent] = []
+        running = [(one.proposed_by, one.pose) for one in hypotheses]
+        ended: list[RefinedHypothesis] = []
         for index, scale in enumerate(self.scales):
-            objective = restraint.on(
+            objective = constraints.on(
                 GaussiansToGaussians(
-                    target=target[index].widened(scale.blur),
-                    source=source[index].widened(scale.blur),
+                    target=target[index].inflated(scale.blur),
+                    source=source[index].inflated(scale.blur),
                     weight_power=scale.weight_power,
                     curvature=self.solver.curvature,
                 )
             )
-            solver = loosened(self.solver, self.loose_step * scale.blur)
+            solver = with_tolerance(self.solver, self.coarse_tolerance * scale.blur)
             ended = [
-                Descent(maker, replace(solver.minimise(objective, pose), objective=objective))
-                for maker, pose in running
+                RefinedHypothesis(
+                    proposed_by, replace(solver.minimise(objective, pose), objective=objective)
+                )
+                for proposed_by, pose in running
             ]
             history += [step for one in ended for step in one.solution.history]
             ended = self._best_of(ended, plausibility)
-            running = [(one.maker, one.solution.pose) for one in ended]
+            running = [(one.proposed_by, one.solution.pose) for one in ended]
         return ended, tuple(history)
 
     def _best_of(
-        self, ended: list[Descent], plausibility: Callable[[Pose], float]
-    ) -> list[Descent]:
+        self, ended: list[RefinedHypothesis], plausibility: Callable[[Pose], float]
+    ) -> list[RefinedHypothesis]:
         """Return the distinct ones that are good enough to go on, best first."""
         scored = [
             (-one.solution.quadratic.value * plausibility(one.solution.pose), one)
             for one in ended
-            if one.solution.reason is not StopReason.NO_SUPPORT
+            if one.solution.reason is not StopReason.EMPTY_OBJECTIVE
         ]
         scored.sort(key=lambda pair: pair[0], reverse=True)
         # A prior far away can make all scores negative; the best goes on all the same.

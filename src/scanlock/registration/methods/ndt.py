@@ -9,19 +9,19 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_at_least, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.optimisation.objectives.cell_scores import CellMeeting, PointsToCells
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.cell_scores import CellAssociation, PointsToCells
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.gaussian_scores import PointsToGaussians, ScoreShape
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
-from scanlock.optimisation.solvers.stopping import Stopping
+from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
 from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
 
-Meeting = Literal[CellMeeting, "all"]
+Meeting = Literal[CellAssociation, "all"]
 """A rule of `scanlock.optimisation.objectives.cell_scores`, or every Gaussian in reach."""
 
 
@@ -51,7 +51,7 @@ class Ndt:
     solver: Solver = field(default_factory=Newton)
     """Minimises at each width."""
 
-    loose_step: float = 0.01
+    coarse_tolerance: float = 0.01
     """All widths but the last stop at steps below this share of theirs: the next one goes on."""
 
     def __post_init__(self) -> None:
@@ -62,7 +62,7 @@ class Ndt:
             )
         ScoreShape.magnusson(1.0, self.outlier_ratio)
         require_at_least("spacing", self.spacing, 0.0, unit="m")
-        require_fraction("loose_step", self.loose_step)
+        require_fraction("loose_step", self.coarse_tolerance)
 
     @classmethod
     def das2013(cls) -> "Ndt":
@@ -70,7 +70,7 @@ class Ndt:
 
         They ran the Point Cloud Library, and describe each point in the cell that it lies in.
         """
-        solver = Newton(stopping=Stopping(gradient=1e-6, step=1e-6))
+        solver = Newton(criteria=ConvergenceCriteria(gradient=1e-6, step=1e-6))
         return cls(widths=(3.0,), meeting="own-cell", spacing=0.0, solver=solver)
 
     def prepare(self, cloud: PointCloud) -> VoxelScan:
@@ -78,20 +78,24 @@ class Ndt:
         return prepare_voxels(cloud, self.grid, self.widths, self.spacing)
 
     def align(
-        self, target: VoxelScan, source: VoxelScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: VoxelScan,
+        source: VoxelScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_in_turn(self._stages(target, source, restraint), start)
+        return minimise_staged(self._stages(target, source, constraints), start)
 
     def _stages(
-        self, target: VoxelScan, source: VoxelScan, restraint: Restraint
+        self, target: VoxelScan, source: VoxelScan, constraints: Constraints
     ) -> Iterator[Stage]:
         scales = dense_scales(target)
         for scale in scales:
             voxels = target.voxels[scale]
-            loose = 0.0 if scale == scales[-1] else self.loose_step * voxels.width
+            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * voxels.width
             objective = self._objective(voxels, source.points)
-            yield loosened(self.solver, loose), restraint.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.on(objective)
 
     def _objective(self, voxels: VoxelGaussians, points: Points) -> Objective:
         shape = ScoreShape.magnusson(voxels.width, self.outlier_ratio)
@@ -109,4 +113,4 @@ class Ndt:
         )
 
 
-_CELL_MEETINGS: tuple[str, ...] = get_args(CellMeeting)
+_CELL_MEETINGS: tuple[str, ...] = get_args(CellAssociation)

@@ -9,14 +9,18 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.optimisation.objectives.candidates import Candidates, CellsAround, NearestTarget
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.candidates import (
+    Association,
+    NearestAssociation,
+    NeighbourCells,
+)
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, loosened, minimise_in_turn
-from scanlock.optimisation.solvers.stopping import Stopping
+from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
 from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
 
@@ -59,7 +63,7 @@ class NdtD2d:
     solver: Solver = field(default_factory=Newton)
     """Minimises at each width."""
 
-    loose_step: float = 0.01
+    coarse_tolerance: float = 0.01
     """All widths but the last stop at steps below this share of theirs: the next one goes on."""
 
     def __post_init__(self) -> None:
@@ -70,7 +74,7 @@ class NdtD2d:
             )
         require_count("cells_around", self.cells_around, 0)
         require_at_least("weight_power", self.weight_power, 0.0)
-        require_fraction("loose_step", self.loose_step)
+        require_fraction("loose_step", self.coarse_tolerance)
 
     @classmethod
     def stoyanov2012(cls) -> "NdtD2d":
@@ -84,7 +88,7 @@ class NdtD2d:
             meeting="cells-around",
             shape=ScoreShape(sharpness=0.05),
             weight_power=0.0,
-            solver=Newton(stopping=Stopping(step=1e-3, iterations=30)),
+            solver=Newton(criteria=ConvergenceCriteria(step=1e-3, iterations=30)),
         )
 
     def prepare(self, cloud: PointCloud) -> VoxelScan:
@@ -92,18 +96,22 @@ class NdtD2d:
         return prepare_voxels(cloud, self.grid, self.widths)
 
     def align(
-        self, target: VoxelScan, source: VoxelScan, start: Pose, restraint: Restraint = FREE
+        self,
+        target: VoxelScan,
+        source: VoxelScan,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_in_turn(self._stages(target, source, restraint), start)
+        return minimise_staged(self._stages(target, source, constraints), start)
 
     def _stages(
-        self, target: VoxelScan, source: VoxelScan, restraint: Restraint
+        self, target: VoxelScan, source: VoxelScan, constraints: Constraints
     ) -> Iterator[Stage]:
         scales = dense_scales(target, source)
         for scale in scales:
             stays, moves = target.voxels[scale], source.voxels[scale]
-            loose = 0.0 if scale == scales[-1] else self.loose_step * stays.width
+            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * stays.width
             objective = GaussiansToGaussians(
                 target=stays.gaussians,
                 source=moves.gaussians,
@@ -112,11 +120,11 @@ class NdtD2d:
                 curvature=self.solver.curvature,
                 candidates=self._candidates(stays),
             )
-            yield loosened(self.solver, loose), restraint.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.on(objective)
 
-    def _candidates(self, target: VoxelGaussians) -> Candidates | None:
+    def _candidates(self, target: VoxelGaussians) -> Association | None:
         if self.meeting == "nearest":
-            return NearestTarget(PointTree.from_points(target.gaussians.means))
+            return NearestAssociation(PointTree.from_points(target.gaussians.means))
         if self.meeting == "cells-around":
-            return CellsAround(target, self.cells_around)
+            return NeighbourCells(target, self.cells_around)
         return None

@@ -7,13 +7,13 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.verification.candidate import Candidate
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class SearchResult:
     """What a search ended with.
 
     Attributes
@@ -32,7 +32,7 @@ class Found:
     rival: float = math.nan
 
 
-class Kept(Protocol):
+class Prepared(Protocol):
     """What a method keeps of a scan, as target or as source."""
 
     @property
@@ -51,12 +51,12 @@ class Kept(Protocol):
         ...
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered, to follow "the source"; empty when it can."""
         ...
 
 
-_Kept = TypeVar("_Kept", bound=Kept)
+_Kept = TypeVar("_Kept", bound=Prepared)
 
 
 class Method(Protocol[_Kept]):
@@ -67,7 +67,7 @@ class Method(Protocol[_Kept]):
         ...
 
     def align(
-        self, target: _Kept, source: _Kept, start: Pose, restraint: Restraint = FREE
+        self, target: _Kept, source: _Kept, start: Pose, constraints: Constraints = UNCONSTRAINED
     ) -> Solution:
         """Return the pose found from `start`, in the local frames of the clouds."""
         ...
@@ -78,7 +78,11 @@ class Search(Protocol):
     """A method that needs no start."""
 
     def find(
-        self, target: Any, source: Any, initial: Pose | None = None, restraint: Restraint = FREE
-    ) -> Found:
+        self,
+        target: Any,
+        source: Any,
+        initial: Pose | None = None,
+        constraints: Constraints = UNCONSTRAINED,
+    ) -> SearchResult:
         """Return the pose found and its rivals, in the local frames of the clouds."""
         ...

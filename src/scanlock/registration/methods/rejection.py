@@ -26,7 +26,7 @@ _FEWEST_BINS, _MOST_BINS = 10, 200
 """Bins of the histogram between nothing and the farthest pair."""
 
 
-class Gate(Protocol):
+class Rejection(Protocol):
     """Settings that tell from the distances of all pairs how far apart a good pair may be."""
 
     @property
@@ -54,7 +54,7 @@ class Gate(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class FixedGate:
+class FixedRejection:
     """The same limit in every iteration."""
 
     distance: float = 1.0
@@ -78,7 +78,7 @@ class FixedGate:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class TrimmedGate:
+class TrimmedRejection:
     """The limit that keeps the closest share of the pairs (Chetverikov et al. 2002)."""
 
     share: float = 0.7
@@ -104,7 +104,7 @@ class TrimmedGate:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AdaptiveGate:
+class AdaptiveRejection:
     """The adaptive limit of Madhavan and Messina 2003, with a rule that it cannot freeze small.
 
     With the mean mu and deviation sigma of the pair distances, the limit is ``mu + 3 sigma`` where

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from scanlock.models.gaussians import Gaussians
-from scanlock.segmentation.cluster_gaussians import LEAST_PARTS
+from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 
-LEAST_SHARE = 0.6
+MIN_COVERAGE = 0.6
 """Share of a scan's points that the Gaussians of a scale must hold.
 
 Scans of 60,000 points and more have over 0.9 of them in cells of 1 m with six points each, one of
@@ -35,15 +35,15 @@ def dense_scales(*scans: Scaled) -> list[int]:
     dense = [
         scale
         for scale, (count, share) in enumerate(zip(counts, shares, strict=True))
-        if count >= LEAST_PARTS and share >= LEAST_SHARE
+        if count >= MIN_GAUSSIANS and share >= MIN_COVERAGE
     ]
     return dense or [max(range(len(counts)), key=lambda scale: counts[scale])]
 
 
-def shortage_of(scan: Scaled, parts: str) -> str:
+def insufficient_reason(scan: Scaled, parts: str) -> str:
     """Return why a scan cannot be registered at any scale; empty when it can."""
     most = max(len(one) for one in scan.gaussians)
-    return "" if most >= LEAST_PARTS else f"holds {most} {parts}, of {LEAST_PARTS} needed"
+    return "" if most >= MIN_GAUSSIANS else f"holds {most} {parts}, of {MIN_GAUSSIANS} needed"
 
 
 def shares_of(gaussians: Sequence[Gaussians], count: int) -> tuple[float, ...]:

@@ -9,12 +9,12 @@ from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput, require_at_least, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.optimisation.objectives.constraints import FREE, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine, Scale
-from scanlock.segmentation.cluster_gaussians import LandmarkFinder, Landmarks
+from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor, ClusterGaussians
 
 _POINT_BLUR = 2.0 * 2**0.5
 """Blur of the target in P2D over that of either scan in D2D.
@@ -31,7 +31,7 @@ class SgcNdt:
     score: Literal["d2d", "p2d"] = "d2d"
     """Gaussians of the source, or its obstacle points, against Gaussians of the target."""
 
-    landmarks: LandmarkFinder = field(default_factory=LandmarkFinder)
+    landmarks: ClusterGaussianExtractor = field(default_factory=ClusterGaussianExtractor)
     """Lines 1 to 5: ground removed, the rest clustered, clusters as Gaussians."""
 
     schedule: CoarseToFine = field(default_factory=CoarseToFine)
@@ -54,12 +54,16 @@ class SgcNdt:
         require_fraction("spacing_share", self.spacing_share)
         require_at_least("merge_share", self.merge_share, 0.0)
 
-    def prepare(self, cloud: PointCloud) -> Landmarks:
+    def prepare(self, cloud: PointCloud) -> ClusterGaussians:
         """Return what the method keeps of a scan."""
-        return self.landmarks.find(cloud, [scale.largest_radius for scale in self.schedule.scales])
+        return self.landmarks.find(cloud, [scale.max_radius for scale in self.schedule.scales])
 
     def align(
-        self, target: Landmarks, source: Landmarks, start: Pose, restraint: Restraint = FREE
+        self,
+        target: ClusterGaussians,
+        source: ClusterGaussians,
+        start: Pose,
+        constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
         curvature = self.schedule.solver.curvature
@@ -70,7 +74,7 @@ class SgcNdt:
             if self.score == "p2d":
                 spacing = max(self.spacing, self.spacing_share * blur)
                 return PointsToGaussians(
-                    target=target.gaussians[index].widened(_POINT_BLUR * blur),
+                    target=target.gaussians[index].inflated(_POINT_BLUR * blur),
                     points=read_only(voxel_means(source.obstacles, spacing)),
                     curvature=curvature,
                 )
@@ -81,11 +85,11 @@ class SgcNdt:
                 curvature=curvature,
             )
 
-        return self.schedule.minimise(lambda index: restraint.on(objective_at(index)), start)
+        return self.schedule.minimise(lambda index: constraints.on(objective_at(index)), start)
 
     def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
         width = self.merge_share * scale.blur
         # Without weights by count there is no count that would stand for several Gaussians.
         if width > 0.0 and scale.weight_power > 0.0:
             gaussians = gaussians.merged(width, scale.weight_power)
-        return gaussians.widened(scale.blur)
+        return gaussians.inflated(scale.blur)

@@ -10,7 +10,7 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments
 from scanlock.models.sensor_noise import traces
-from scanlock.optimisation.objectives.constraints import Restraint
+from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.point_pairs import (
     PointPairs,
     noise_precisions,
@@ -20,7 +20,7 @@ from scanlock.optimisation.objectives.point_pairs import (
 )
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.registration.methods.correspondences import Pairs, PointScan, Residual
+from scanlock.registration.methods.correspondences import Correspondences, PointScan, Residual
 
 Step = Literal["svd", "quaternion", "gauss-newton"]
 """How the motion that fits the pairs best is found.
@@ -34,7 +34,7 @@ _PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PairFit:
+class TransformEstimation:
     """Settings that turn pairs into a motion."""
 
     step: Step = "svd"
@@ -48,7 +48,7 @@ class PairFit:
     scales the objective, and so what a prior weighs against. A noise model comes on top of it for
     points, and in its place for planes, which do not care where a point lies on them."""
 
-    lever: float = 20.0
+    rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
@@ -66,10 +66,10 @@ class PairFit:
                 f"{self.step!r}"
             )
         require_positive("deviation", self.deviation, unit="m")
-        require_positive("lever", self.lever, unit="m")
+        require_positive("lever", self.rotation_scale, unit="m")
 
     def objective(
-        self, target: PointScan, source: PointScan, pairs: Pairs, pose: Pose
+        self, target: PointScan, source: PointScan, pairs: Correspondences, pose: Pose
     ) -> PointPairs:
         """Return what the pairs of a pose cost, as it is written in eq. (2) of the paper.
 
@@ -95,7 +95,7 @@ class PairFit:
         )
 
     def moved(
-        self, objective: PointPairs, quadratic: Quadratic, pose: Pose, restraint: Restraint
+        self, objective: PointPairs, quadratic: Quadratic, pose: Pose, constraints: Constraints
     ) -> tuple[Pose, str]:
         """Return the pose at which the pairs fit best, and a note where no closed form could.
 
@@ -110,17 +110,19 @@ class PairFit:
         """
         note = ""
         if self.step != "gauss-newton":
-            if restraint.prior is None:
-                increment = self._closed_form(objective, pose, restraint)
+            if constraints.prior is None:
+                increment = self._closed_form(objective, pose, constraints)
                 if increment is not None:
                     moved = increment @ pose
                     return moved, ""
                 note = "pairs on a line hold no rotation: a step of Gauss and Newton instead"
             else:
                 note = "no closed form heeds a prior: steps of Gauss and Newton instead"
-        return pose.retract(gauss_newton_step(quadratic, self.lever)), note
+        return pose.retract(gauss_newton_step(quadratic, self.rotation_scale)), note
 
-    def _variances(self, target: PointScan, source: PointScan, pairs: Pairs, pose: Pose) -> Vector:
+    def _variances(
+        self, target: PointScan, source: PointScan, pairs: Correspondences, pose: Pose
+    ) -> Vector:
         """Return the (m,) variance of each residual [m^2], along one axis."""
         if not len(target.covariances):
             return np.full(len(pairs), self.deviation**2)
@@ -133,15 +135,17 @@ class PairFit:
             )
         return (traces(of_target) + traces(of_source)) / 3.0 + self.deviation**2
 
-    def _closed_form(self, objective: PointPairs, pose: Pose, restraint: Restraint) -> Pose | None:
+    def _closed_form(
+        self, objective: PointPairs, pose: Pose, constraints: Constraints
+    ) -> Pose | None:
         """Return the motion after `pose` that fits best; None where the pairs hold none."""
         moments = PairMoments.of(
             objective.target[objective.target_rows],
             pose.apply(objective.source[objective.source_rows]),
             objective.precisions[:, 0],
         )
-        if restraint.dof != "xyz+rpy":
-            translation = "xyz" if restraint.dof == "xyz+yaw" else "xy"
+        if constraints.dof != "xyz+rpy":
+            translation = "xyz" if constraints.dof == "xyz+yaw" else "xy"
             return moments.about_z(translation) if moments.holds_yaw else None
         if not moments.holds_rotation:
             return None

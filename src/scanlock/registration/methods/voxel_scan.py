@@ -10,7 +10,7 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.kernels.points.rows import chosen_points
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.registration.methods.scales import shares_of, shortage_of
+from scanlock.registration.methods.scales import insufficient_reason, shares_of
 from scanlock.timing import StageClock
 
 
@@ -53,9 +53,9 @@ class VoxelScan:
         return tuple(one.gaussians for one in self.voxels)
 
     @property
-    def shortage(self) -> str:
+    def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
-        return shortage_of(self, "cells with enough points")
+        return insufficient_reason(self, "cells with enough points")
 
 
 def prepare_voxels(

@@ -19,7 +19,7 @@ from scanlock.errors import InvalidInput, require_at_least, require_count, requi
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.rotated_grids import turned_maps
-from scanlock.registration.search.bev_grid import PlanView, PlanViewer
+from scanlock.registration.search.bev_grid import BevGrid, BevGridder
 from scanlock.registration.search.ground_alignment import ground_fitted
 from scanlock.registration.search.hypothesis import Hypothesis
 from scanlock.segmentation.ground.finder import Ground
@@ -45,10 +45,10 @@ _APART = 2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class HeadingSearch:
+class BevSearch:
     """Settings of the search; `view` each scan once, then `hypotheses` for any pair."""
 
-    viewer: PlanViewer = field(default_factory=PlanViewer)
+    viewer: BevGridder = field(default_factory=BevGridder)
     """What is seen of a scan from above."""
 
     headings: int = 92
@@ -80,11 +80,11 @@ class HeadingSearch:
         require_count("most", self.most, 1)
         require_fraction("least_share", self.least_share)
 
-    def view(self, cloud: PointCloud, ground: Ground) -> PlanView:
+    def view(self, cloud: PointCloud, ground: Ground) -> BevGrid:
         """Return what the search needs of a scan."""
         return self.viewer.view(cloud, ground)
 
-    def hypotheses(self, target: PlanView, source: PlanView) -> list[Hypothesis]:
+    def hypotheses(self, target: BevGrid, source: BevGrid) -> list[Hypothesis]:
         """Return the places of best agreement, best first; none where a scan shows nothing.
 
         The weight of the first is 1, that of the others their share of its agreement.
@@ -114,7 +114,7 @@ class HeadingSearch:
             _clear_around(agreement, heading, i, j)
         return found
 
-    def _agreement(self, target: PlanView, source: PlanView, cell: float) -> _Maps:
+    def _agreement(self, target: BevGrid, source: BevGrid, cell: float) -> _Maps:
         """Return the (h, side, side) correlation at each heading and shift; shifts wrap.
 
         Maps of cells can be turned by a right angle without loss, so the headings of one quarter
@@ -139,7 +139,7 @@ class HeadingSearch:
         spread(correlate, range(4))
         return agreement.reshape(self.headings, _SIDE, _SIDE)
 
-    def _spectra(self, view: PlanView, turns: Vector, cell: float) -> _Spectra:
+    def _spectra(self, view: BevGrid, turns: Vector, cell: float) -> _Spectra:
         """Return the transforms of the maps at each turn, whitened."""
         # SciPy's transform keeps single precision; its stubs do not know what it returns.
         spectra = cast(_Spectra, fft.rfft2(self._maps(view, turns, cell)))
@@ -155,13 +155,13 @@ class HeadingSearch:
             spectra.imag /= magnitude
         return spectra
 
-    def _maps(self, view: PlanView, turns: Vector, cell: float) -> _Maps:
+    def _maps(self, view: BevGrid, turns: Vector, cell: float) -> _Maps:
         return turned_maps(
             *_within(view, cell * _CELLS), self.openness, read_only(turns), cell, _SIDE
         )
 
 
-def _within(view: PlanView, reach: float) -> tuple[Matrix, Vector, Matrix]:
+def _within(view: BevGrid, reach: float) -> tuple[Matrix, Vector, Matrix]:
     """Return the columns, their fills and the open columns within a range [m]."""
     near = np.hypot(*view.columns.T) < reach
     open_near = np.hypot(*view.open_columns.T) < reach

@@ -24,7 +24,7 @@ _GROUND_COLUMNS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlanView:
+class BevGrid:
     """What a scan shows from above, about the z axis through its origin.
 
     Attributes
@@ -68,7 +68,7 @@ class PlanView:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PlanViewer:
+class BevGridder:
     """Settings of the columns.
 
     How much of a column is full tells a trunk or a wall from a kerb or a crown, whichever part
@@ -95,7 +95,7 @@ class PlanViewer:
             raise InvalidInput(f"slots must be at most {_MOST_SLOTS}, got {self.slots}")
         require_positive("max_range", self.max_range, unit="m")
 
-    def view(self, cloud: PointCloud, ground: Ground) -> PlanView:
+    def view(self, cloud: PointCloud, ground: Ground) -> BevGrid:
         """Return the view of a cloud whose ground is known, or known to be none."""
         level_from_scan = level_pose(cloud, ground)
         blocks = max(1, round(self.max_range / (_GROUND_COLUMNS * self.width)))
@@ -114,7 +114,7 @@ class PlanViewer:
         columns, slots, open_columns, ground_heights = columns_and_ground(
             read_only(filled), read_only(ground_sums), self.width, _GROUND_COLUMNS
         )
-        return PlanView(
+        return BevGrid(
             level_from_scan,
             ground.status is not GroundStatus.NONE,
             columns,

@@ -30,7 +30,7 @@ _LEAST_VARIANCE = 1e-6
 """Keeps the logarithm of flat parts finite [m^2]."""
 
 
-class PartKind(enum.IntEnum):
+class ClusterKind(enum.IntEnum):
     """What a part's extents make of it; only parts of one kind are matched."""
 
     ROUND = 0
@@ -50,7 +50,7 @@ class ClusterFeatures:
     spreads : (k, 6) [m^2]
         Upper triangles of the covariances: xx, xy, xz, yy, yz, zz.
     kinds : (k,)
-        `PartKind` of each.
+        `ClusterKind` of each.
     shapes : (k, 3)
         Logarithms of the deviations [m] along the principal axes, ascending; no rotation
         changes them.
@@ -91,14 +91,14 @@ class ClusterFeatures:
         variances, axes = principal_axes(read_only(moved.packed_covariances))
         deviations = np.sqrt(np.maximum(variances, _LEAST_VARIANCE))
         kinds = _kinds(deviations)
-        axis = np.where((kinds == PartKind.FLAT)[:, None], axes[:, :3], axes[:, 6:])
+        axis = np.where((kinds == ClusterKind.FLAT)[:, None], axes[:, :3], axes[:, 6:])
         return cls(
             moved.means,
             moved.packed_covariances,
             kinds,
             np.log(deviations),
             _stances(moved, axis),
-            np.where((kinds == PartKind.ROUND)[:, None], 0.0, axis),
+            np.where((kinds == ClusterKind.ROUND)[:, None], 0.0, axis),
             _headings(moved.packed_covariances),
             level_from_scan,
         )
@@ -107,9 +107,9 @@ class ClusterFeatures:
 def _kinds(deviations: Matrix) -> Labels:
     thin = deviations[:, 2] > _FLAT * deviations[:, 1]
     flat = ~thin & (deviations[:, 1] > _FLAT * deviations[:, 0])
-    return np.where(thin, PartKind.THIN, np.where(flat, PartKind.FLAT, PartKind.ROUND)).astype(
-        np.int64
-    )
+    return np.where(
+        thin, ClusterKind.THIN, np.where(flat, ClusterKind.FLAT, ClusterKind.ROUND)
+    ).astype(np.int64)
 
 
 def _stances(gaussians: Gaussians, axis: Points) -> Matrix:

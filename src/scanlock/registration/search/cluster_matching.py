@@ -44,7 +44,7 @@ count there, where it costs a match before."""
 _LARGEST_SET = 64
 """Agreeing matches beyond these add nothing to a pose that is only a start."""
 
-_LEVER = 6.0
+_ROTATION_SCALE = 6.0
 """Length [m] of the posts up and down that are added to the pairs of two level scans: a tilt
 must be worth the effort of turning them."""
 
@@ -256,7 +256,7 @@ def _turns(target: Matrix, source: Matrix) -> Matrix:
 def _fitted(target: Points, source: Points, is_level: bool) -> Pose | None:
     """Return the pose that carries the source centres onto those of the target."""
     if is_level:
-        posts: Vector = np.array([[0.0, 0.0, _LEVER], [0.0, 0.0, -_LEVER]])
+        posts: Vector = np.array([[0.0, 0.0, _ROTATION_SCALE], [0.0, 0.0, -_ROTATION_SCALE]])
         target = np.concatenate([target, target.mean(axis=0) + posts])
         source = np.concatenate([source, source.mean(axis=0) + posts])
     moments = PairMoments.of(target, source)

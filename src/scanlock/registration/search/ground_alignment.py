@@ -12,7 +12,7 @@ from scanlock.arrays import Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.ground_overlap import ground_gaps, plane_sums
-from scanlock.registration.search.bev_grid import PlanView
+from scanlock.registration.search.bev_grid import BevGrid
 
 _LEAST_CELLS = 12
 """Shared cells that hold three numbers firmly."""
@@ -31,7 +31,7 @@ _SETTLED = 1e-3
 """A step in height [m] and slope [1] below which the rest is left to the descents."""
 
 
-def ground_fitted(target: PlanView, source: PlanView, pose: Pose) -> Pose:
+def ground_fitted(target: BevGrid, source: BevGrid, pose: Pose) -> Pose:
     """Return a hypothesis with the grounds of both scans laid onto each other.
 
     Heading and place stay. Where either scan has no ground, or they share too little of it, the

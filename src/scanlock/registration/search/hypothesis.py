@@ -22,7 +22,7 @@ class Hypothesis:
 
     pose: Pose
     weight: float
-    maker: str
+    proposed_by: str
 
 
 def distinct(poses: Sequence[Pose], metres: float, radians: float) -> list[int]:

@@ -27,12 +27,16 @@ from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, hat, log_rotation
-from scanlock.optimisation.objectives.constraints import FREE, Restrained, Restraint
-from scanlock.optimisation.solvers.problem import Objective, Parted
+from scanlock.optimisation.objectives.constraints import (
+    UNCONSTRAINED,
+    ConstrainedObjective,
+    Constraints,
+)
+from scanlock.optimisation.solvers.criteria import StopReason
+from scanlock.optimisation.solvers.problem import Objective, Separable
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.optimisation.solvers.stopping import StopReason
-from scanlock.registration.uncertainty.pose_covariance import CovarianceWay
-from scanlock.registration.uncertainty.sandwich import Shares, root_of, sandwich, tilted
+from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
+from scanlock.registration.uncertainty.sandwich import BlockTerms, root_of, sandwich, tilted
 
 _OPEN = "the minimum is open along some direction"
 
@@ -44,10 +48,10 @@ _LEAST_ARM = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Uncertainty:
+class CovarianceEstimator:
     """Settings that find the covariance of a pose."""
 
-    way: CovarianceWay = "sandwich"
+    way: CovarianceMethod = "sandwich"
     """``"sandwich"``, by the scatter among independent parts of the scene; ``"hessian"``, by the
     curvature at the minimum alone, as if each part were independent: overconfident, as it is
     elsewhere; ``"sampled"``, the sandwich plus the spread of where starts around the pose end."""
@@ -74,8 +78,8 @@ class Uncertainty:
     """The sampled way: deviations of the starts [m, rad]; those of what is known before."""
 
     def __post_init__(self) -> None:
-        if self.way not in get_args(CovarianceWay):
-            ways = ", ".join(get_args(CovarianceWay))
+        if self.way not in get_args(CovarianceMethod):
+            ways = ", ".join(get_args(CovarianceMethod))
             raise InvalidInput(f"covariance must be one of {ways}, or None, got {self.way!r}")
         for name in ("block", "least_block", "floor"):
             require_positive(name, getattr(self, name), unit="m")
@@ -106,14 +110,14 @@ class Uncertainty:
         units : float
             Effective number of units; NaN by the Hessian alone.
         """
-        objective, restraint = _opened(solution.objective)
-        if objective is None or solution.reason is StopReason.NO_SUPPORT:
+        objective, constraints = _opened(solution.objective)
+        if objective is None or solution.reason is StopReason.EMPTY_OBJECTIVE:
             return "nothing of the scans met"
-        if not isinstance(objective, Parted):
+        if not isinstance(objective, Separable):
             return "the objective does not tell the shares of its parts"
-        pose, free = solution.pose, np.flatnonzero(restraint.free_directions)
+        pose, free = solution.pose, np.flatnonzero(constraints.free_directions)
         places = objective.places
-        found = self._within(objective, places, restraint, pose, factor)
+        found = self._within(objective, places, constraints, pose, factor)
         if isinstance(found, str):
             return found
         inner, units = found
@@ -131,14 +135,19 @@ class Uncertainty:
         return matrix, units
 
     def _within(
-        self, objective: Parted, places: Points, restraint: Restraint, pose: Pose, factor: float
+        self,
+        objective: Separable,
+        places: Points,
+        constraints: Constraints,
+        pose: Pose,
+        factor: float,
     ) -> tuple[Matrix, float] | str:
         """Return the covariance of a step along the free directions, by what is at one pose."""
-        free = np.flatnonzero(restraint.free_directions)
+        free = np.flatnonzero(constraints.free_directions)
         prior = np.zeros((len(free), len(free)))
-        if restraint.prior is not None:
+        if constraints.prior is not None:
             # As in the objective under restraint: a mean over the parts, and a prior beside them.
-            whole = restraint.prior.linearise(pose).hessian
+            whole = constraints.prior.linearise(pose).hessian
             prior = whole[np.ix_(free, free)] / objective.count
         arm = max(math.sqrt(3.0 * float(np.mean(np.square(places)))), _LEAST_ARM)
         scale = np.array([1.0, 1.0, 1.0, arm, arm, arm])[free]
@@ -158,7 +167,9 @@ class Uncertainty:
         # A prior's gradient scatters by its own Hessian.
         return factor**2 * scattered + inverse @ prior @ inverse / objective.count, units
 
-    def _shares(self, objective: Parted, places: Points, pose: Pose, free: Labels) -> Shares | None:
+    def _shares(
+        self, objective: Separable, places: Points, pose: Pose, free: Labels
+    ) -> BlockTerms | None:
         """Return what cubes of half a block add, and two ways to join eight of them to a unit.
 
         The ways lie half a block apart along all axes: the covariance then hangs less on where
@@ -174,7 +185,7 @@ class Uncertainty:
                 grids = tuple(voxel_labels(corners + shift, 2.0)[0] for shift in (0.5, 1.5))
                 if min(int(grid.max()) + 1 for grid in grids) >= self.least_units:
                     gradients = shares.gradients[np.ix_(met, free)]
-                    return Shares(gradients, shares.hessians[np.ix_(met, free, free)], grids)
+                    return BlockTerms(gradients, shares.hessians[np.ix_(met, free, free)], grids)
             side *= 0.5
         return None
 
@@ -200,7 +211,7 @@ class Uncertainty:
             step[axis % 6] = reach[axis % 6] if axis < 6 else -reach[axis % 6]
             start = Pose(exp_rotation(step[3:]) @ pose.rotation, pose.translation + step[:3])
             end = align(start)
-            if end.reason is not StopReason.NO_SUPPORT:
+            if end.reason is not StopReason.EMPTY_OBJECTIVE:
                 turn = log_rotation(end.pose.rotation @ pose.rotation.T)
                 errors.append(np.concatenate([end.pose.translation - pose.translation, turn]))
         if not errors:
@@ -220,8 +231,8 @@ def _whitened(objective: Objective, pose: Pose, free: Labels) -> Matrix:
     return hessian * (max(objective.count - len(free), 1) / (2.0 * at.value * objective.count))
 
 
-def _opened(objective: Objective | None) -> tuple[Objective | None, Restraint]:
+def _opened(objective: Objective | None) -> tuple[Objective | None, Constraints]:
     """Return what the scans say and what else holds the pose."""
-    if isinstance(objective, Restrained):
-        return objective.objective, objective.restraint
-    return objective, FREE
+    if isinstance(objective, ConstrainedObjective):
+        return objective.objective, objective.constraints
+    return objective, UNCONSTRAINED

@@ -11,7 +11,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat
 
-CovarianceWay = Literal["sandwich", "hessian", "sampled"]
+CovarianceMethod = Literal["sandwich", "hessian", "sampled"]
 """How a covariance is found, see `scanlock.registration.uncertainty.estimators`."""
 
 
@@ -42,7 +42,7 @@ class PoseCovariance:
     matrix: Matrix
     pose: Pose
     place: Vector
-    way: CovarianceWay
+    way: CovarianceMethod
     units: float = math.nan
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ then known ten times as badly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shares:
+class BlockTerms:
     """What pieces of a scene add to an objective at its minimum.
 
     Attributes
@@ -29,7 +29,7 @@ class Shares:
     grids: tuple[Labels, ...]
 
 
-def sandwich(shares: Shares, root: Matrix) -> tuple[Matrix, float]:
+def sandwich(shares: BlockTerms, root: Matrix) -> tuple[Matrix, float]:
     """Return the (p, p) whitened covariance of the minimum, and the effective number of units.
 
     Parameters
@@ -51,8 +51,8 @@ def sandwich(shares: Shares, root: Matrix) -> tuple[Matrix, float]:
         hessians = root.T @ _summed(shares.hessians, labels) @ root
         weights = np.trace(hessians, axis1=1, axis2=2) / size
         units = 1.0 / float(weights @ weights)
-        widened = 1.0 + (size + 1.0) / units
-        covariance += widened / len(shares.grids) * jackknife(steps_without(gradients, hessians))
+        inflated = 1.0 + (size + 1.0) / units
+        covariance += inflated / len(shares.grids) * jackknife(steps_without(gradients, hessians))
         effective += units / len(shares.grids)
     return covariance, effective
 

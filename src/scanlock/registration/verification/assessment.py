@@ -8,20 +8,20 @@ import numpy as np
 
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
-from scanlock.registration.verification.candidate import Candidate, second_best
-from scanlock.registration.verification.features import Evidence
+from scanlock.registration.verification.candidate import Candidate, runner_up_ratio
+from scanlock.registration.verification.features import VerificationFeatures
 from scanlock.registration.verification.local_planes import joined
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection, Hold
-from scanlock.registration.verification.overlap import slide_rivalry
-from scanlock.registration.verification.refinement import settle
+from scanlock.registration.verification.observability import DirectionObservability, Observability
+from scanlock.registration.verification.overlap import slide_ratio
+from scanlock.registration.verification.refinement import refine_pose
 
 _LEAST_SLIDE = 0.75
 """A source slid by less [m] is no rival: parts are about as wide as that."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inspection:
+class Assessment:
     """What two scans say about a pose between them.
 
     Attributes
@@ -38,32 +38,34 @@ class Inspection:
     """
 
     metrics: Metrics
-    hold: Hold | None
-    rival: float = math.nan
-    slide: float = math.nan
+    observability: Observability | None
+    runner_up: float = math.nan
+    slide_ratio: float = math.nan
 
     @property
-    def directions(self) -> tuple[HeldDirection, ...]:
+    def directions(self) -> tuple[DirectionObservability, ...]:
         """The directions of the hold, or none."""
-        return () if self.hold is None else self.hold.directions
+        return () if self.observability is None else self.observability.directions
 
     @property
-    def weak(self) -> tuple[HeldDirection, ...]:
+    def degenerate(self) -> tuple[DirectionObservability, ...]:
         """The directions that nothing holds."""
-        return () if self.hold is None else self.hold.weak
+        return () if self.observability is None else self.observability.degenerate
 
-    def given_back(self, pose: Pose, prior: Pose) -> Pose:
-        """Return the pose with its weak directions as in the prior; see `Hold`."""
-        return pose if self.hold is None else self.hold.given_back(pose, prior)
+    def fix_degenerate(self, pose: Pose, prior: Pose) -> Pose:
+        """Return the pose with its weak directions as in the prior; see `Observability`."""
+        return (
+            pose if self.observability is None else self.observability.fix_degenerate(pose, prior)
+        )
 
 
-def inspect(
-    target: Evidence,
-    source: Evidence,
+def assess_pose(
+    target: VerificationFeatures,
+    source: VerificationFeatures,
     pose: Pose,
     candidates: Sequence[Candidate] = (),
-    rival: float = math.nan,
-) -> Inspection:
+    runner_up: float = math.nan,
+) -> Assessment:
     """Return what two scans say about a pose, target from source in their local frames.
 
     Parameters
@@ -76,31 +78,31 @@ def inspect(
         How well the second of them stands, as a share of the first.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    settled = settle(target, source, pose)
-    met, hold = settled.ahead.met, settled.hold
+    settled = refine_pose(target, source, pose)
+    has_plane, observability = settled.forward.has_plane, settled.observability
     slides = [
-        slide_rivalry(target.gaussians, source.gaussians, pose, one.axis, _LEAST_SLIDE)
-        for one in (() if hold is None else hold.directions[:2])
+        slide_ratio(target.gaussians, source.gaussians, pose, one.axis, _LEAST_SLIDE)
+        for one in (() if observability is None else observability.directions[:2])
     ]
-    return Inspection(
+    return Assessment(
         Metrics(
             overlap=chosen.overlap,
             target_overlap=chosen.target_overlap,
             score=chosen.score,
-            inlier_rmse=joined([settled.ahead, settled.back]).roughness,
+            inlier_rmse=joined([settled.forward, settled.backward]).roughness,
             roughness=math.hypot(target.roughness, source.roughness) / math.sqrt(2.0),
-            misfit=settled.surface.misfit,
-            surface_overlap=float(np.mean(met)) if len(met) else math.nan,
-            drift=settled.drift,
+            outlier_ratio=settled.surface.outlier_ratio,
+            fitness=float(np.mean(has_plane)) if len(has_plane) else math.nan,
+            refinement_shift=settled.refinement_shift,
             violation=chosen.violation,
-            second_best=_most([second_best(candidates), *slides]),
+            runner_up_ratio=_most([runner_up_ratio(candidates), *slides]),
         ),
-        hold,
-        rival,
+        observability,
+        runner_up,
         _most(slides),
     )
 
 
 def _most(shares: Sequence[float]) -> float:
     """Return the largest that is known, NaN without any."""
-    return max((share for share in shares if not math.isnan(share)), default=math.nan)
+    return max((ratio for ratio in shares if not math.isnan(ratio)), default=math.nan)

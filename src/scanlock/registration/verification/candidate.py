@@ -9,7 +9,7 @@ from scanlock.geometry.pose import Pose
 INITIAL = "initial pose"
 """The maker of candidates that the caller asked for."""
 
-UNKNOWN_VIOLATION = 0.15
+HALVING_VIOLATION = 0.15
 """A violation that halves what speaks for a pose, and what is put where too little can be seen.
 
 Right poses of 238 pairs of scans had up to 0.14."""
@@ -40,7 +40,7 @@ class Candidate:
     """
 
     target_from_source: Pose
-    maker: str
+    proposed_by: str
     overlap: float
     target_overlap: float
     score: float
@@ -54,7 +54,7 @@ class Candidate:
     @property
     def is_plausible(self) -> bool:
         """Whether it violates free space as little as right poses do, or none can tell."""
-        return math.isnan(self.violation) or self.violation < UNKNOWN_VIOLATION
+        return math.isnan(self.violation) or self.violation < HALVING_VIOLATION
 
     def at(self, pose: Pose) -> "Candidate":
         """Return the candidate with its pose given between other frames."""
@@ -66,10 +66,10 @@ def plausibility(violation: float) -> float:
 
     Cars that moved are few, and walls in the open many.
     """
-    return 1.0 if math.isnan(violation) else 1.0 / (1.0 + violation / UNKNOWN_VIOLATION)
+    return 1.0 if math.isnan(violation) else 1.0 / (1.0 + violation / HALVING_VIOLATION)
 
 
-def second_best(candidates: Sequence[Candidate]) -> float:
+def runner_up_ratio(candidates: Sequence[Candidate]) -> float:
     """Return the agreement of the best rival of the first candidate as a share of its own.
 
     0 where there is no rival; NaN where nothing was judged.

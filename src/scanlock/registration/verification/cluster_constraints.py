@@ -17,7 +17,7 @@ PARTS: dict[MotionKind, slice] = {"translation": slice(0, 3), "rotation": slice(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PartHold:
+class ClusterConstraints:
     """What the thin sides of a scan's parts hold of a pose, about the zero of its frame.
 
     Attributes
@@ -29,14 +29,14 @@ class PartHold:
     """
 
     information: Matrix
-    possible: Matrix
+    max_information: Matrix
 
     def __post_init__(self) -> None:
         frozen(self.information)
-        frozen(self.possible)
+        frozen(self.max_information)
 
     @classmethod
-    def none(cls) -> "PartHold":
+    def none(cls) -> "ClusterConstraints":
         """Return that of a scan without parts."""
         return cls(np.zeros((6, 6)), np.eye(6))
 
@@ -46,15 +46,16 @@ class PartHold:
         In [0, 1], over what is possible; rotations are those about `origin` (3,) [m], when the
         translation may give way.
         """
-        held, possible = (
-            _about(information, origin, kind) for information in (self.information, self.possible)
+        held, max_information = (
+            _about(information, origin, kind)
+            for information in (self.information, self.max_information)
         )
-        most = np.maximum(along(possible, axes), 1e-9)
+        most = np.maximum(along(max_information, axes), 1e-9)
         # Scaled by the translation held best, a rotation may be held better than by all parts.
         return np.clip(along(held, axes) / most, 0.0, 1.0)
 
 
-def held_by_parts(gaussians: Gaussians) -> PartHold:
+def cluster_constraints(gaussians: Gaussians) -> ClusterConstraints:
     """Return how firmly the thin sides of parts hold a pose.
 
     A Gaussian holds a translation along its thin axes, not along its longest: that end is where
@@ -65,12 +66,14 @@ def held_by_parts(gaussians: Gaussians) -> PartHold:
     """
     weights = gaussians.weights() ** 2
     every = np.broadcast_to(np.eye(3), (len(gaussians), 3, 3))
-    possible = _summed(gaussians.means, every, weights)
+    max_information = _summed(gaussians.means, every, weights)
     # A matrix has the same axes as its square, so none of them need be found one by one.
     thin = every - gaussians.covariances / gaussians.widths[:, None, None]
     information = _summed(gaussians.means, np.linalg.matrix_power(thin, 4), weights)
     most = float(np.linalg.eigvalsh(information[:3, :3])[2])
-    return PartHold(information / most if most > 0.0 else possible, possible)
+    return ClusterConstraints(
+        information / most if most > 0.0 else max_information, max_information
+    )
 
 
 def along(form: Matrix, axes: Matrix) -> Vector:
@@ -78,10 +81,10 @@ def along(form: Matrix, axes: Matrix) -> Vector:
     return (axes * (form @ axes)).sum(axis=0)
 
 
-def _summed(places: Points, held: NDArray[np.float64], weights: Vector) -> Matrix:
+def _summed(points: Points, held: NDArray[np.float64], weights: Vector) -> Matrix:
     """Return (6, 6) information of (k, 3, 3) what is held at each of (k, 3) places."""
     # Of each place, by a step.
-    motions = np.concatenate([np.broadcast_to(np.eye(3), held.shape), -hats(places)], axis=2)
+    motions = np.concatenate([np.broadcast_to(np.eye(3), held.shape), -hats(points)], axis=2)
     resisted = (weights[:, None, None] * held) @ motions
     return motions.reshape(-1, 6).T @ resisted.reshape(-1, 6)
 

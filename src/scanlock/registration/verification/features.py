@@ -7,16 +7,23 @@ from scanlock.clouds.cell_list import CellList
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.verification.cluster_constraints import PartHold, held_by_parts
-from scanlock.registration.verification.local_planes import SurfaceProber
+from scanlock.registration.verification.cluster_constraints import (
+    ClusterConstraints,
+    cluster_constraints,
+)
+from scanlock.registration.verification.local_planes import LocalPlaneFitter
 from scanlock.registration.verification.overlap import self_score
 from scanlock.registration.verification.range_image import RangeImage, RangeImager
-from scanlock.segmentation.cluster_gaussians import LEAST_PARTS, LandmarkFinder, Landmarks
+from scanlock.segmentation.cluster_gaussians import (
+    MIN_GAUSSIANS,
+    ClusterGaussianExtractor,
+    ClusterGaussians,
+)
 
-PROBER = SurfaceProber()
+PROBER = LocalPlaneFitter()
 """Chooses the probes of a scan, and finds the surface of the other near them."""
 
-_FINDER = LandmarkFinder()
+_FINDER = ClusterGaussianExtractor()
 _IMAGER = RangeImager()
 
 _RADIUS = 1.5
@@ -24,7 +31,7 @@ _RADIUS = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Evidence:
+class VerificationFeatures:
     """What a pose must lay onto that of the other scan.
 
     Attributes
@@ -51,38 +58,42 @@ class Evidence:
     """
 
     cloud: PointCloud
-    listed: CellList
+    cell_list: CellList
     gaussians: Gaussians
-    ranges: RangeImage | None
-    probes: Points
+    range_image: RangeImage | None
+    query_points: Points
     roughness: float
     notes: tuple[str, ...]
-    held: PartHold
+    held: ClusterConstraints
     self_score: float = field(init=False)
 
     def __post_init__(self) -> None:
-        frozen(self.probes)
+        frozen(self.query_points)
         object.__setattr__(self, "self_score", self_score(self.gaussians))
 
 
-def evidence_of(landmarks: Landmarks, imager: RangeImager | None = _IMAGER) -> Evidence:
+def features_from_clusters(
+    landmarks: ClusterGaussians, imager: RangeImager | None = _IMAGER
+) -> VerificationFeatures:
     """Return the evidence of a scan whose landmarks are known, sharpest scale last."""
     cloud, gaussians, notes = landmarks.cloud, landmarks.gaussians[-1], landmarks.notes
-    held = held_by_parts(gaussians)
-    if len(gaussians) < LEAST_PARTS:
+    held = cluster_constraints(gaussians)
+    if len(gaussians) < MIN_GAUSSIANS:
         # Bare ground holds some directions, and methods that keep it can be judged by those.
         labels, _ = voxel_labels(cloud.points, _RADIUS)
         least = _FINDER.segmenter.clusters.least_count
         gaussians = Gaussians.from_labels(cloud.points, labels, least)
-        gaussians = gaussians.floored(_FINDER.deviation_floor)
-        held = PartHold.none()
+        gaussians = gaussians.regularised(_FINDER.min_deviation)
+        held = ClusterConstraints.none()
         notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
-    ranges = None if imager is None else imager.image(cloud)
-    listed, probes = PROBER.listed(cloud), PROBER.probes(cloud)
-    roughness = PROBER.probe(listed, probes).roughness
-    return Evidence(cloud, listed, gaussians, ranges, probes, roughness, notes, held)
+    range_image = None if imager is None else imager.image(cloud)
+    cell_list, query_points = PROBER.cell_list(cloud), PROBER.query_points(cloud)
+    roughness = PROBER.probe(cell_list, query_points).roughness
+    return VerificationFeatures(
+        cloud, cell_list, gaussians, range_image, query_points, roughness, notes, held
+    )
 
 
-def find_evidence(cloud: PointCloud) -> Evidence:
+def extract_features(cloud: PointCloud) -> VerificationFeatures:
     """Return the evidence of a scan for methods that do not look for its clusters."""
-    return evidence_of(_FINDER.find(cloud, [_RADIUS]))
+    return features_from_clusters(_FINDER.find(cloud, [_RADIUS]))

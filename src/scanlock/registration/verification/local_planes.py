@@ -17,7 +17,7 @@ from scanlock.kernels.gaussians.eigen3 import principal_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ProbedSurface:
+class LocalPlanes:
     """The surface of a scan near m probes, where it is known: at k of them.
 
     Attributes
@@ -40,17 +40,17 @@ class ProbedSurface:
         plane was fitted to.
     """
 
-    met: Mask
-    places: Points
+    has_plane: Mask
+    points: Points
     normals: Points
-    gaps: Vector
-    doubts: NDArray[np.float64]
+    residuals: Vector
+    normal_covariances: NDArray[np.float64]
     flatness: Vector
     thickness: Vector
 
     def __post_init__(self) -> None:
         for array in (
-            self.met, self.places, self.normals, self.gaps, self.doubts, self.flatness,
+            self.has_plane, self.points, self.normals, self.residuals, self.normal_covariances, self.flatness,
             self.thickness,
         ):  # fmt: skip
             frozen(array)
@@ -58,35 +58,35 @@ class ProbedSurface:
     @property
     def roughness(self) -> float:
         """Root mean squared gap [m]; NaN where nothing is met."""
-        return math.sqrt(float(np.mean(self.gaps**2))) if len(self.gaps) else math.nan
+        return math.sqrt(float(np.mean(self.residuals**2))) if len(self.residuals) else math.nan
 
     @property
-    def misfit(self) -> float:
+    def outlier_ratio(self) -> float:
         """Share of the gaps that are more than twice what belongs there; NaN without any."""
-        if len(self.gaps) == 0:
+        if len(self.residuals) == 0:
             return math.nan
-        return float(np.mean(self.gaps**2 > 4.0 * (self.thickness**2 + _LEAST_THICKNESS**2)))
+        return float(np.mean(self.residuals**2 > 4.0 * (self.thickness**2 + _LEAST_THICKNESS**2)))
 
-    def seen_back(self, pose: Pose) -> "ProbedSurface":
+    def reversed(self, pose: Pose) -> "LocalPlanes":
         """Return it as if the probes had been the surface and the surface the probes.
 
         Carried by a pose into the other's frame. What moves the probes along a normal then widens
         the gap, whichever scan the probes come from.
         """
         turn = pose.rotation
-        return ProbedSurface(
-            self.met,
-            pose.apply(self.places),
+        return LocalPlanes(
+            self.has_plane,
+            pose.apply(self.points),
             self.normals @ turn.T,
-            -self.gaps,
-            turn @ self.doubts @ turn.T,
+            -self.residuals,
+            turn @ self.normal_covariances @ turn.T,
             self.flatness,
             self.thickness,
         )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SurfaceProber:
+class LocalPlaneFitter:
     """Settings: which points of a scan are probes, and how the surface near them is found."""
 
     spacing: float = 1.0
@@ -120,7 +120,7 @@ class SurfaceProber:
         require_count("least_count", self.least_count, least=4)
         require_fraction("least_breadth", self.least_breadth)
 
-    def probes(self, cloud: PointCloud) -> Points:
+    def query_points(self, cloud: PointCloud) -> Points:
         """Return (m, 3) points of a cloud, spread evenly over what it shows."""
         rows = np.flatnonzero(cloud.is_measured)
         points = cloud.points[_evenly(rows, self.sample)]
@@ -131,25 +131,25 @@ class SurfaceProber:
         firsts[labels[::-1]] = np.arange(len(labels))[::-1]
         return read_only(points[_evenly(firsts, self.most)])
 
-    def listed(self, cloud: PointCloud) -> CellList:
+    def cell_list(self, cloud: PointCloud) -> CellList:
         """Return what of a cloud can be probed."""
         return CellList.of_points(cloud.points, 2.0 * min(self.radii))
 
-    def probe(self, points: CellList, probes: Points) -> ProbedSurface:
+    def probe(self, points: CellList, query_points: Points) -> LocalPlanes:
         """Return the surface of some points near (m, 3) probes [m] in their frame.
 
         What is met in a wider circle comes after what is met in a narrower one.
         """
-        left = np.arange(len(probes))
+        left = np.arange(len(query_points))
         rows, fits = [], []
         for radius in self.radii:
-            fit, is_plane = self._fitted(points.sums_near(probes[left], radius))
+            fit, is_plane = self._fitted(points.sums_near(query_points[left], radius))
             rows.append(left[is_plane])
             fits.append(fit[is_plane])
             left = left[~is_plane]
-        met = np.ones(len(probes), np.bool_)
-        met[left] = False
-        return _surface(probes[np.concatenate(rows)], np.concatenate(fits), met)
+        has_plane = np.ones(len(query_points), np.bool_)
+        has_plane[left] = False
+        return _surface(query_points[np.concatenate(rows)], np.concatenate(fits), has_plane)
 
     def _fitted(self, sums: Matrix) -> tuple[Matrix, Mask]:
         """Return what `_surface` makes planes of, and which of them are planes.
@@ -167,14 +167,14 @@ class SurfaceProber:
         return fits, is_broad & (sums[:, 0] >= self.least_count)
 
 
-def joined(surfaces: Sequence[ProbedSurface]) -> ProbedSurface:
+def joined(surfaces: Sequence[LocalPlanes]) -> LocalPlanes:
     """Return what was met in some surfaces one after the other."""
-    return ProbedSurface(
-        np.concatenate([one.met for one in surfaces]),
-        np.concatenate([one.places for one in surfaces]),
+    return LocalPlanes(
+        np.concatenate([one.has_plane for one in surfaces]),
+        np.concatenate([one.points for one in surfaces]),
         np.concatenate([one.normals for one in surfaces]),
-        np.concatenate([one.gaps for one in surfaces]),
-        np.concatenate([one.doubts for one in surfaces]),
+        np.concatenate([one.residuals for one in surfaces]),
+        np.concatenate([one.normal_covariances for one in surfaces]),
         np.concatenate([one.flatness for one in surfaces]),
         np.concatenate([one.thickness for one in surfaces]),
     )
@@ -190,14 +190,14 @@ _LEAST_VARIANCE = 1e-9
 """Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""
 
 
-def _surface(places: Points, fits: Matrix, met: Mask) -> ProbedSurface:
+def _surface(points: Points, fits: Matrix, has_plane: Mask) -> LocalPlanes:
     """Return the surface whose (k, 16) planes were fitted at (k, 3) places."""
     counts, means, variances = fits[:, 0], fits[:, 1:4], fits[:, 4:7]
     axes = fits[:, 7:].reshape(-1, 3, 3)
     normals = np.ascontiguousarray(axes[:, 0])
-    return ProbedSurface(
-        met,
-        places,
+    return LocalPlanes(
+        has_plane,
+        points,
         normals,
         -(means * normals).sum(axis=1),
         _doubts(variances, axes, counts),

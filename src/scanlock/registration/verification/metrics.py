@@ -34,7 +34,7 @@ class Metrics:
         roughness and sparseness leave at any pose.
     misfit : float
         Share of the inliers farther from their plane than twice what points there scatter, once
-        the pose has come to rest on the planes (see `drift`), in [0, 1]; lower is better.
+        the pose has come to rest on the planes (see `refinement_shift`), in [0, 1]; lower is better.
     surface_overlap : float
         Share of the source's probes that are inliers, in [0, 1]; higher is better.
     drift : float [m]
@@ -57,8 +57,8 @@ class Metrics:
     score: float = math.nan
     inlier_rmse: float = math.nan
     roughness: float = math.nan
-    misfit: float = math.nan
-    surface_overlap: float = math.nan
-    drift: float = math.nan
+    outlier_ratio: float = math.nan
+    fitness: float = math.nan
+    refinement_shift: float = math.nan
     violation: float = math.nan
-    second_best: float = math.nan
+    runner_up_ratio: float = math.nan

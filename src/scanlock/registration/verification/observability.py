@@ -15,11 +15,11 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, log_rotation
 from scanlock.registration.verification.cluster_constraints import (
     PARTS,
+    ClusterConstraints,
     MotionKind,
-    PartHold,
     along,
 )
-from scanlock.registration.verification.plane_constraints import Footing
+from scanlock.registration.verification.plane_constraints import PlaneConstraints
 
 _NAMES: dict[MotionKind, tuple[str, str, str]] = {
     "translation": ("forward", "left", "up"),
@@ -43,7 +43,7 @@ _LEAST_LEVER = 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldDirection:
+class DirectionObservability:
     """How firmly a pose is held along or about one axis.
 
     Attributes
@@ -65,9 +65,9 @@ class HeldDirection:
 
     kind: MotionKind
     axis: Vector
-    share: float
+    ratio: float
     deviation: float
-    part_share: float = 0.0
+    cluster_ratio: float = 0.0
 
     def __post_init__(self) -> None:
         frozen(self.axis)
@@ -83,21 +83,22 @@ class HeldDirection:
         return f"{about} ({x:.2f}, {y:.2f}, {z:.2f})"
 
     @property
-    def is_weak(self) -> bool:
+    def is_degenerate(self) -> bool:
         """Whether so little holds it that the pose may be wrong along it by any amount."""
         return (
-            self.share < _LEAST_SHARE[self.kind] and self.part_share < _LEAST_PART_SHARE[self.kind]
+            self.ratio < _LEAST_SHARE[self.kind]
+            and self.cluster_ratio < _LEAST_PART_SHARE[self.kind]
         )
 
     def __str__(self) -> str:
         if self.kind == "translation":
-            return f"{self.name} (deviation {self.deviation:.2g} m, hold {self.share:.3f} of 1)"
+            return f"{self.name} (deviation {self.deviation:.2g} m, hold {self.ratio:.3f} of 1)"
         degrees = math.degrees(self.deviation)
-        return f"{self.name} (deviation {degrees:.2g} deg, hold {self.share:.3f} of 1)"
+        return f"{self.name} (deviation {degrees:.2g} deg, hold {self.ratio:.3f} of 1)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hold:
+class Observability:
     """How firmly the planes that two scans share hold a pose.
 
     Attributes
@@ -106,31 +107,31 @@ class Hold:
         Three translations, least held first, then three rotations likewise.
     information : (6, 6)
         Of a step ``(rho, phi)`` in the target's frame, about the source's origin, in planes,
-        less what may be noise; see `Footing`.
+        less what may be noise; see `PlaneConstraints`.
     """
 
-    directions: tuple[HeldDirection, ...]
+    directions: tuple[DirectionObservability, ...]
     information: Matrix
 
     def __post_init__(self) -> None:
         frozen(self.information)
 
     @property
-    def weak(self) -> tuple[HeldDirection, ...]:
+    def degenerate(self) -> tuple[DirectionObservability, ...]:
         """The directions that nothing holds."""
-        return tuple(one for one in self.directions if one.is_weak)
+        return tuple(one for one in self.directions if one.is_degenerate)
 
-    def given_back(self, pose: Pose, prior: Pose) -> Pose:
+    def fix_degenerate(self, pose: Pose, prior: Pose) -> Pose:
         """Return the pose with its weak directions as in the prior, at the least cost elsewhere.
 
         Of all steps that end where the prior is along and about the weak axes it is the one that
         the planes resist least; cf. the remapping of solutions by Zhang et al. 2016, which moves
         along the weak axes alone.
         """
-        if not self.weak:
+        if not self.degenerate:
             return pose
-        rows = np.zeros((len(self.weak), 6))
-        for row, one in zip(rows, self.weak, strict=True):
+        rows = np.zeros((len(self.degenerate), 6))
+        for row, one in zip(rows, self.degenerate, strict=True):
             row[PARTS[one.kind]] = one.axis
         apart = np.concatenate(
             [prior.translation - pose.translation, log_rotation(prior.rotation @ pose.rotation.T)]
@@ -140,17 +141,17 @@ class Hold:
         return Pose(exp_rotation(step[3:]) @ pose.rotation, pose.translation + step[:3])
 
 
-def hold_of(footing: Footing, by_parts: PartHold) -> Hold:
+def observability_of(footing: PlaneConstraints, by_parts: ClusterConstraints) -> Observability:
     """Return the hold of planes, and of the target's parts."""
-    sure = footing.sure_information()
+    sure = footing.bias_corrected_information()
     coupling = sure[3:, :3]
     turning = sure[3:, 3:] - coupling @ np.linalg.solve(sure[:3, :3], coupling.T)
-    possible, origin = footing.possible, footing.origin
+    max_information, origin = footing.max_information, footing.origin
     spread = (footing.noise**2 * np.linalg.inv(sure)).astype(np.float64, copy=False)
-    return Hold(
+    return Observability(
         (
-            *_directions("translation", sure[:3, :3], possible, spread, by_parts, origin),
-            *_directions("rotation", turning, possible, spread, by_parts, origin),
+            *_directions("translation", sure[:3, :3], max_information, spread, by_parts, origin),
+            *_directions("rotation", turning, max_information, spread, by_parts, origin),
         ),
         sure,
     )
@@ -159,20 +160,20 @@ def hold_of(footing: Footing, by_parts: PartHold) -> Hold:
 def _directions(
     kind: MotionKind,
     information: Matrix,
-    possible: Matrix,
+    max_information: Matrix,
     spread: Matrix,
-    by_parts: PartHold,
+    by_parts: ClusterConstraints,
     origin: Vector,
-) -> list[HeldDirection]:
+) -> list[DirectionObservability]:
     held, axes = np.linalg.eigh(information)
     own = PARTS[kind], PARTS[kind]
-    most = along(possible[own], axes)
+    most = along(max_information[own], axes)
     # About a line that all places lie on nothing could be held.
-    most = np.maximum(most, _LEAST_LEVER * np.trace(possible[own]))
+    most = np.maximum(most, _LEAST_LEVER * np.trace(max_information[own]))
     variances = along(spread[own], axes)
     by_part = by_parts.shares(kind, axes, origin)
     found = [
-        HeldDirection(
+        DirectionObservability(
             kind,
             np.ascontiguousarray(axes[:, i]),
             min(1.0, max(0.0, float(held[i] / most[i]))),
@@ -181,4 +182,4 @@ def _directions(
         )
         for i in range(3)
     ]
-    return sorted(found, key=lambda one: one.share)
+    return sorted(found, key=lambda one: one.ratio)

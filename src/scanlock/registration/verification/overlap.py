@@ -59,7 +59,7 @@ def overlaps_and_score(
     )
 
 
-def slide_rivalry(
+def slide_ratio(
     target: Gaussians, source: Gaussians, pose: Pose, direction: Vector, least: float
 ) -> float:
     """Return the best score of the source slid along a direction, as a share of that at the pose.

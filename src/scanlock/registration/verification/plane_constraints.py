@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, Vector, frozen
 from scanlock.geometry.rotations import hats
-from scanlock.registration.verification.local_planes import ProbedSurface
+from scanlock.registration.verification.local_planes import LocalPlanes
 
 _LEAST_FLATNESS = 0.9
 """Of a surface that counts as a plane: across, its deviation is a third of that along it."""
@@ -32,7 +32,7 @@ _LEAST_NOISE = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Footing:
+class PlaneConstraints:
     """Planes about the source's origin, in the target's frame.
 
     Attributes
@@ -56,49 +56,51 @@ class Footing:
     """
 
     origin: Vector
-    places: Points
-    gaps: Vector
+    points: Points
+    residuals: Vector
     weights: Vector
-    doubts: NDArray[np.float64]
+    normal_covariances: NDArray[np.float64]
     rows: Matrix
     information: Matrix
-    possible: Matrix
+    max_information: Matrix
 
     def __post_init__(self) -> None:
         for array in (
-            self.origin, self.places, self.gaps, self.weights, self.doubts, self.rows,
-            self.information, self.possible,
+            self.origin, self.points, self.residuals, self.weights, self.normal_covariances, self.rows,
+            self.information, self.max_information,
         ):  # fmt: skip
             frozen(array)
 
     @property
     def noise(self) -> float:
         """Deviation of the gaps [m]."""
-        return max(_LEAST_NOISE, math.sqrt(float(self.weights @ self.gaps**2 / self.weights.sum())))
+        return max(
+            _LEAST_NOISE, math.sqrt(float(self.weights @ self.residuals**2 / self.weights.sum()))
+        )
 
     def step(self) -> Vector:
         """Return the (6,) step of Gauss and Newton onto the planes, slightly damped [m, rad]."""
-        damped = supported(self.information + _DAMPING * self.possible)
-        step = -np.linalg.solve(damped, (self.weights * self.gaps) @ self.rows)
+        damped = supported(self.information + _DAMPING * self.max_information)
+        step = -np.linalg.solve(damped, (self.weights * self.residuals) @ self.rows)
         return step.astype(np.float64, copy=False)
 
-    def sure_information(self) -> Matrix:
+    def bias_corrected_information(self) -> Matrix:
         """Return the information less what of it comes from noise of the normals alone.
 
         A normal that is off sees motions along its plane, in an endless corridor those along it
         too.
         """
-        k = len(self.places)
+        k = len(self.points)
         # How a normal that is off by (3,) feels a motion.
         motions = np.empty((k, 3, 6))
         motions[:, :, :3] = np.eye(3)
-        motions[:, :, 3:] = -hats(self.places)
-        doubted = (self.weights[:, None, None] * self.doubts) @ motions
+        motions[:, :, 3:] = -hats(self.points)
+        doubted = (self.weights[:, None, None] * self.normal_covariances) @ motions
         doubtful = motions.reshape(3 * k, 6).T @ doubted.reshape(3 * k, 6)
         return supported(self.information - doubtful)
 
 
-def footing_at(surface: ProbedSurface, origin: Vector) -> Footing | None:
+def plane_constraints(surface: LocalPlanes, origin: Vector) -> PlaneConstraints | None:
     """Return the planes of a surface about the source's origin (3,) [m] in the target's frame.
 
     None where too few planes are met to tell.
@@ -106,22 +108,26 @@ def footing_at(surface: ProbedSurface, origin: Vector) -> Footing | None:
     flat = surface.flatness > _LEAST_FLATNESS
     if np.count_nonzero(flat) < _LEAST_PLANES:
         return None
-    normals, gaps, places = surface.normals[flat], surface.gaps[flat], surface.places[flat] - origin
-    weights = 1.0 / (1.0 + (gaps / _ROUGHNESS) ** 2)
-    rows = np.hstack([normals, _crossed(places, normals)])
-    possible = np.zeros((6, 6))
-    possible[:3, :3] = weights.sum() * np.eye(3)
-    squares = (weights[:, None] * places).T @ places
-    possible[3:, 3:] = np.trace(squares) * np.eye(3) - squares
-    return Footing(
+    normals, residuals, points = (
+        surface.normals[flat],
+        surface.residuals[flat],
+        surface.points[flat] - origin,
+    )
+    weights = 1.0 / (1.0 + (residuals / _ROUGHNESS) ** 2)
+    rows = np.hstack([normals, _crossed(points, normals)])
+    max_information = np.zeros((6, 6))
+    max_information[:3, :3] = weights.sum() * np.eye(3)
+    squares = (weights[:, None] * points).T @ points
+    max_information[3:, 3:] = np.trace(squares) * np.eye(3) - squares
+    return PlaneConstraints(
         origin,
-        places,
-        gaps,
+        points,
+        residuals,
         weights,
-        surface.doubts[flat],
+        surface.normal_covariances[flat],
         rows,
         (weights[:, None] * rows).T @ rows,
-        possible,
+        max_information,
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.observability import DirectionObservability
 
 FEATURES = (
     "violation",
@@ -34,28 +34,30 @@ _CLOSEST = 0.05
 """Distinction of a rival as good as the pose, which no logarithm could take otherwise."""
 
 
-def features(metrics: Metrics, directions: Sequence[HeldDirection]) -> Vector:
+def features(metrics: Metrics, directions: Sequence[DirectionObservability]) -> Vector:
     """Return the (6,) numbers that the probability is made of, by the names of `FEATURES`.
 
     Each between bounds beyond which more says nothing more: a model that is linear must not be
-    carried away by a number that it has never seen. `directions` are those of a `Hold`, or none.
+    carried away by a number that it has never seen. `directions` are those of a `Observability`, or none.
     """
     turn = max((one.deviation for one in directions if one.kind == "rotation"), default=math.nan)
-    second_best = 1.0 if math.isnan(metrics.second_best) else min(1.0, metrics.second_best)
+    runner_up_ratio = (
+        1.0 if math.isnan(metrics.runner_up_ratio) else min(1.0, metrics.runner_up_ratio)
+    )
     return np.array(
         [
             _UNKNOWN_VIOLATION if math.isnan(metrics.violation) else min(metrics.violation, 0.5),
-            1.0 if math.isnan(metrics.misfit) else min(metrics.misfit, 1.0),
-            _log(metrics.drift, 0.02, 1.0, unknown=1.0)
+            1.0 if math.isnan(metrics.outlier_ratio) else min(metrics.outlier_ratio, 1.0),
+            _log(metrics.refinement_shift, 0.02, 1.0, unknown=1.0)
             - _log(metrics.roughness, 0.02, 0.5, unknown=0.3),
             _log(turn, 0.0003, 0.03, unknown=0.03),
-            math.log(1.0 + _CLOSEST - second_best),
-            float(any(one.is_weak for one in directions)),
+            math.log(1.0 + _CLOSEST - runner_up_ratio),
+            float(any(one.is_degenerate for one in directions)),
         ]
     )
 
 
-def probability(metrics: Metrics, directions: Sequence[HeldDirection]) -> float:
+def probability(metrics: Metrics, directions: Sequence[DirectionObservability]) -> float:
     """Return how probable it is that the pose is within 0.3 m and 1 degree of the truth."""
     logit = INTERCEPT + float(np.dot(WEIGHTS, features(metrics, directions)))
     return 1.0 / (1.0 + math.exp(-logit))

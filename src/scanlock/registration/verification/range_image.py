@@ -10,7 +10,11 @@ from scanlock.arrays import Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.verification.range_image import looked_through, nearest_around, nearest_ranges
+from scanlock.kernels.verification.range_image import (
+    free_space_violation,
+    nearest_around,
+    nearest_ranges,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +36,9 @@ class RangeImage:
     def __post_init__(self) -> None:
         frozen(self.nearest)
 
-    def looked_through(self, points: Points, image_from_points: Pose, weights: Vector) -> float:
+    def free_space_violation(
+        self, points: Points, image_from_points: Pose, weights: Vector
+    ) -> float:
         """Return the share, by weight, of (n, 3) points [m] that lie where the scan looked through.
 
         Of the points that it would have seen: in a direction where it saw anything, and not
@@ -40,7 +46,7 @@ class RangeImage:
         where fewer than `least_count` points are left.
         """
         settings = self.settings
-        count, known, before = looked_through(
+        count, known, before = free_space_violation(
             self.nearest,
             points,
             weights,

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, log_rotation
-from scanlock.registration.verification.features import PROBER, Evidence
-from scanlock.registration.verification.local_planes import ProbedSurface, joined
-from scanlock.registration.verification.observability import Hold, hold_of
-from scanlock.registration.verification.plane_constraints import footing_at
+from scanlock.registration.verification.features import PROBER, VerificationFeatures
+from scanlock.registration.verification.local_planes import LocalPlanes, joined
+from scanlock.registration.verification.observability import Observability, observability_of
+from scanlock.registration.verification.plane_constraints import plane_constraints
 
 _MOST_STEPS = 4
 """Three mostly do; where four do not, the pose is wrong, or held by nothing."""
@@ -22,13 +22,13 @@ _MOST_STEPS = 4
 _SMALL_STEP = 0.02
 """After a step shorter than this [m] the planes are the same: no probing anew is worth it."""
 
-_LEVER = 0.3 / math.radians(1.0)
+_ROTATION_SCALE = 0.3 / math.radians(1.0)
 """Where a rotation counts as a distance [m]: a pose may be off by 0.3 m or by a degree to count as
 right, which is 17 m away the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Settled:
+class Refinement:
     """A pose and what it came to.
 
     Attributes
@@ -45,39 +45,43 @@ class Settled:
         How far the source moved, at 17 m from its origin; NaN without planes.
     """
 
-    ahead: ProbedSurface
-    back: ProbedSurface
-    surface: ProbedSurface
-    hold: Hold | None
-    drift: float
+    forward: LocalPlanes
+    backward: LocalPlanes
+    surface: LocalPlanes
+    observability: Observability | None
+    refinement_shift: float
 
 
-def settle(target: Evidence, source: Evidence, pose: Pose) -> Settled:
+def refine_pose(
+    target: VerificationFeatures, source: VerificationFeatures, pose: Pose
+) -> Refinement:
     """Return where a pose comes to rest, target from source in their local frames."""
-    ahead, back = _probed(target, source, pose)
-    surface = joined([ahead, back])
-    footing = footing_at(surface, pose.translation)
+    forward, backward = _probed(target, source, pose)
+    surface = joined([forward, backward])
+    footing = plane_constraints(surface, pose.translation)
     rest = pose
     for _ in range(_MOST_STEPS):
         if footing is None:
-            return Settled(ahead, back, surface, None, math.nan)
+            return Refinement(forward, backward, surface, None, math.nan)
         step = footing.step()
         rest = Pose(exp_rotation(step[3:]) @ rest.rotation, rest.translation + step[:3])
         if _length(step[:3], step[3:]) < _SMALL_STEP:
             break
         surface = joined(_probed(target, source, rest))
-        footing = footing_at(surface, rest.translation)
-    hold = None if footing is None else hold_of(footing, target.held)
+        footing = plane_constraints(surface, rest.translation)
+    observability = None if footing is None else observability_of(footing, target.held)
     turn = log_rotation(rest.rotation @ pose.rotation.T)
-    drift = _length(rest.translation - pose.translation, turn)
-    return Settled(ahead, back, surface, hold, drift)
+    refinement_shift = _length(rest.translation - pose.translation, turn)
+    return Refinement(forward, backward, surface, observability, refinement_shift)
 
 
-def _probed(target: Evidence, source: Evidence, pose: Pose) -> tuple[ProbedSurface, ProbedSurface]:
-    ahead = PROBER.probe(target.listed, pose.apply(source.probes))
-    back = PROBER.probe(source.listed, pose.inverse().apply(target.probes))
-    return ahead, back.seen_back(pose)
+def _probed(
+    target: VerificationFeatures, source: VerificationFeatures, pose: Pose
+) -> tuple[LocalPlanes, LocalPlanes]:
+    forward = PROBER.probe(target.cell_list, pose.apply(source.query_points))
+    backward = PROBER.probe(source.cell_list, pose.inverse().apply(target.query_points))
+    return forward, backward.reversed(pose)
 
 
 def _length(shift: Vector, turn: Vector) -> float:
-    return math.hypot(*shift, *(_LEVER * turn))
+    return math.hypot(*shift, *(_ROTATION_SCALE * turn))

@@ -5,7 +5,7 @@ from reference.samples import gaussians
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
 from scanlock.models.voxel_gaussians import VoxelGrid
-from scanlock.optimisation.objectives.candidates import CellsAround, NearestTarget
+from scanlock.optimisation.objectives.candidates import NearestAssociation, NeighbourCells
 
 
 def _members(lists, source):
@@ -19,7 +19,7 @@ def test_the_nearest_target_is_the_one_of_least_distance_between_means():
     rng = np.random.default_rng(7)
     target = gaussians(rng, 50)
     places = rng.uniform(-12.0, 12.0, (80, 3))
-    lists = NearestTarget(PointTree.from_points(target.means)).at(places)
+    lists = NearestAssociation(PointTree.from_points(target.means)).at(places)
     gaps = np.linalg.norm(places[:, None] - target.means, axis=2)
     for source, nearest in enumerate(gaps.argmin(axis=1).tolist()):
         assert _members(lists, source) == {nearest}
@@ -30,7 +30,7 @@ def test_cells_around_are_those_within_reach_along_each_axis(reach):
     rng = np.random.default_rng(8)
     voxels = VoxelGrid(offset=0.4).gaussians(rng.normal(0.0, 2.0, (2000, 3)), 1.0)
     places = rng.normal(0.0, 3.0, (60, 3))
-    lists = CellsAround(voxels, reach).at(places)
+    lists = NeighbourCells(voxels, reach).at(places)
     cells = np.floor(places - 0.4)
     steps = np.abs(cells[:, None] - voxels.cells).max(axis=2)
     found = [_members(lists, i) for i in range(60)]
@@ -41,4 +41,4 @@ def test_cells_around_are_those_within_reach_along_each_axis(reach):
 def test_a_reach_below_zero_is_refused():
     voxels = VoxelGrid().gaussians(np.zeros((10, 3)), 1.0)
     with pytest.raises(InvalidInput, match="reach must be a whole number of at least 0, got -1"):
-        CellsAround(voxels, -1)
+        NeighbourCells(voxels, -1)

@@ -8,19 +8,19 @@ from scanlock.arrays import read_only
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.models.voxel_gaussians import VoxelGrid
-from scanlock.optimisation.objectives.cell_scores import CELL_MEETINGS, PointsToCells
+from scanlock.optimisation.objectives.cell_scores import CELL_ASSOCIATIONS, PointsToCells
 from scanlock.optimisation.objectives.gaussian_scores import PointsToGaussians, ScoreShape
 
 _WIDTH = 1.5
 _PLACE = np.array([4.0, -2.0, 0.0])
 
-_each_meeting = pytest.mark.parametrize("meeting", CELL_MEETINGS)
+_each_meeting = pytest.mark.parametrize("meeting", CELL_ASSOCIATIONS)
 
 
 def _voxels(seed, offset=0.25):
     rng = np.random.default_rng(seed)
     points = rng.normal(0.0, [3.0, 2.5, 0.7], (900, 3)) + _PLACE
-    return VoxelGrid(deviation_floor=0.1, offset=offset).gaussians(points, _WIDTH)
+    return VoxelGrid(min_deviation=0.1, offset=offset).gaussians(points, _WIDTH)
 
 
 def _points(seed, count=60):
@@ -123,7 +123,7 @@ def test_trilinear_weights_sum_to_one():
     rng = np.random.default_rng(4)
     lattice = np.indices((2, 2, 2)).reshape(3, 8).T + 0.5
     points = np.concatenate([place + 0.01 * rng.normal(size=(40, 3)) for place in lattice])
-    voxels = VoxelGrid(deviation_floor=1e4).gaussians(points, 1.0)
+    voxels = VoxelGrid(min_deviation=1e4).gaussians(points, 1.0)
     assert len(voxels) == 8
     inside = read_only(rng.uniform(0.5, 1.5, (50, 3)))
     found = PointsToCells(target=voxels, points=inside, meeting="trilinear")
@@ -135,7 +135,7 @@ def test_with_every_cell_in_reach_near_cells_come_close_to_all():
     pose = Pose.identity()
     values = {
         meeting: PointsToCells(target=voxels, points=points, meeting=meeting).linearise(pose).value
-        for meeting in CELL_MEETINGS
+        for meeting in CELL_ASSOCIATIONS
     }
     every = p2d_value(pose, voxels.gaussians, points)
     # Each looks at some of the Gaussians, and at no other.

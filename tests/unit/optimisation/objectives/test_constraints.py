@@ -8,7 +8,7 @@ from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, inverse_left_jacobian, log_rotation
-from scanlock.optimisation.objectives.constraints import FREE, PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.newton import Newton
 
@@ -63,13 +63,13 @@ def test_the_gradient_of_a_prior_matches_differences(seed):
 
 def test_no_restraint_hands_the_objective_back():
     objective = _objective()
-    assert FREE.on(objective) is objective
+    assert UNCONSTRAINED.on(objective) is objective
 
 
 @pytest.mark.parametrize(("dof", "locked"), [("xyz+yaw", [3, 4]), ("xy+yaw", [2, 3, 4])])
 def test_locked_directions_stay_as_they_began(dof, locked):
     start = Pose.from_step(np.array([0.2, -0.1, 0.05, 0.02, -0.03, -0.1]))
-    restrained = Restraint(dof=dof).on(_objective())
+    restrained = Constraints(dof=dof).on(_objective())
     at = restrained.linearise(start)
     np.testing.assert_array_equal(at.gradient[locked], 0.0)
     np.testing.assert_array_equal(at.hessian[locked], 0.0)
@@ -87,13 +87,13 @@ def test_a_firm_prior_wins_and_a_loose_one_yields():
     found = Newton().minimise(objective, Pose.identity()).pose
     for deviation, expected in ((1e-6, elsewhere), (1e6, found)):
         prior = PosePrior.from_deviations(elsewhere, deviation, deviation)
-        solution = Newton().minimise(Restraint(prior=prior).on(objective), Pose.identity())
+        solution = Newton().minimise(Constraints(prior=prior).on(objective), Pose.identity())
         assert solution.pose.is_close(expected, translation=1e-4, rotation=1e-5)
 
 
 def test_the_minimum_balances_prior_and_data():
     objective, prior = _objective(), _prior(3)
-    solution = Newton().minimise(Restraint(prior=prior).on(objective), Pose.identity())
+    solution = Newton().minimise(Constraints(prior=prior).on(objective), Pose.identity())
     pull = objective.linearise(solution.pose).gradient
     back = prior.linearise(solution.pose).gradient / objective.count
     np.testing.assert_allclose(pull, -back, atol=1e-5)
@@ -116,7 +116,7 @@ def test_a_covariance_that_is_none_is_refused(covariance, message):
 
 def test_what_cannot_be_restrained_is_refused():
     with pytest.raises(InvalidInput, match=r"dof must be one of xyz\+rpy.*, got 'yaw'"):
-        Restraint(dof="yaw")
+        Constraints(dof="yaw")
     with pytest.raises(InvalidInput, match=r"rotation must be positive, got 0\.0 rad"):
         PosePrior.from_deviations(Pose.identity(), 1.0, 0.0)
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from reference import differences
 from reference import distribution_pairs as reference
@@ -11,7 +12,6 @@ from scanlock.optimisation.objectives.distribution_pairs import DistributionPair
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.newton import Newton
-from scanlock.optimisation.solvers.stopping import Stopping
 
 _STEPS = np.array([1e-3] * 3 + [1e-4] * 3)
 
@@ -26,9 +26,9 @@ def _scene(seed, *, exact=True):
     target, source = gaussians(rng, 40), gaussians(rng, 30)
     partners = rng.integers(0, 40, 30)
     partners[::7] = -1
-    held_at = Pose.from_step(rng.normal(0.0, [2.0, 2.0, 1.0, 0.5, 0.5, 1.5]))
+    fixed_at = Pose.from_step(rng.normal(0.0, [2.0, 2.0, 1.0, 0.5, 0.5, 1.5]))
     pairs = DistributionPairs.at(
-        held_at, _surface(target), _surface(source), read_only(partners),
+        fixed_at, _surface(target), _surface(source), read_only(partners),
         "exact" if exact else "convex",
     )  # fmt: skip
     listed = [
@@ -36,16 +36,16 @@ def _scene(seed, *, exact=True):
         for i, j in enumerate(partners)
         if j >= 0
     ]
-    return pairs, listed, held_at, held_at.retract(rng.normal(0.0, [1.0] * 3 + [0.3] * 3))
+    return pairs, listed, fixed_at, fixed_at.retract(rng.normal(0.0, [1.0] * 3 + [0.3] * 3))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_value_is_that_of_the_definition(seed):
-    pairs, listed, held_at, pose = _scene(seed)
+    pairs, listed, fixed_at, pose = _scene(seed)
     assert pairs.count == len(listed) < 30
-    for at in (held_at, pose):
+    for at in (fixed_at, pose):
         np.testing.assert_allclose(
-            pairs.linearise(at).value, reference.value(at, held_at, listed), rtol=1e-12
+            pairs.linearise(at).value, reference.value(at, fixed_at, listed), rtol=1e-12
         )
 
 
@@ -58,9 +58,9 @@ def test_the_value_is_half_the_mean_of_the_squared_distances():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_gradient_and_hessian_are_those_of_differences(seed):
-    pairs, listed, held_at, pose = _scene(seed)
+    pairs, listed, fixed_at, pose = _scene(seed)
     found = pairs.linearise(pose)
-    gradient = differences.gradient(lambda at: reference.value(at, held_at, listed), pose, _STEPS)
+    gradient = differences.gradient(lambda at: reference.value(at, fixed_at, listed), pose, _STEPS)
     np.testing.assert_allclose(found.gradient, gradient, rtol=1e-7, atol=1e-7)
     hessian = differences.hessian(lambda at: pairs.linearise(at).gradient, pose, _STEPS)
     scale = np.abs(hessian).max()
@@ -69,10 +69,10 @@ def test_gradient_and_hessian_are_those_of_differences(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_convex_hessian_is_that_of_gauss_and_newton(seed):
-    pairs, listed, held_at, pose = _scene(seed, exact=False)
+    pairs, listed, fixed_at, pose = _scene(seed, exact=False)
     found, exact = pairs.linearise(pose), _scene(seed)[0].linearise(pose)
     np.testing.assert_allclose(
-        found.hessian, reference.gauss_newton(pose, held_at, listed), rtol=1e-10, atol=1e-10
+        found.hessian, reference.gauss_newton(pose, fixed_at, listed), rtol=1e-10, atol=1e-10
     )
     assert np.linalg.eigvalsh(found.hessian)[0] > 0.0
     np.testing.assert_array_equal(found.gradient, exact.gradient)
@@ -114,7 +114,7 @@ def test_every_solver_minimises_it(solver):
     truth = Pose.from_step(rng.normal(0.0, [1.0, 1.0, 0.3, 0.1, 0.1, 0.4]))
     target = gaussians(rng, 200)
     source = target.transformed(truth.inverse())
-    settings = solver(stopping=Stopping(iterations=200))
+    settings = solver(criteria=ConvergenceCriteria(iterations=200))
     pairs = DistributionPairs.at(
         Pose.identity(), _surface(target), _surface(source), read_only(np.arange(200)),
         settings.curvature,

@@ -12,7 +12,7 @@ from scanlock.kernels.gaussians.neighbour_lists import (
 )
 from scanlock.optimisation.objectives import neighbour_lists as module
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
-from scanlock.optimisation.objectives.neighbour_lists import NearPairs, Reach
+from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, Reach
 from scanlock.threads import using_threads
 
 
@@ -106,7 +106,10 @@ def test_the_order_of_sources_changes_no_list():
     in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
     pose = _step(rng, 0.1)
     first, second = (
-        {(rows[i], j) for i, j in _all(NearPairs(Reach(target, source.taken(rows), 25.0), pose))}
+        {
+            (rows[i], j)
+            for i, j in _all(NeighbourLists(Reach(target, source.taken(rows), 25.0), pose))
+        }
         for rows in (in_order, scattered)
     )
     assert first == second
@@ -117,10 +120,10 @@ def test_far_places_and_empty_sets_have_nothing_in_reach():
     rng = np.random.default_rng(5)
     some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
     for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
-        near = NearPairs(Reach(some, some, 25.0), Pose(np.eye(3), np.array(far)))
+        near = NeighbourLists(Reach(some, some, 25.0), Pose(np.eye(3), np.array(far)))
         assert _all(near) == set()
     for pair in ((some, none), (none, some)):
-        assert list(NearPairs(Reach(*pair, 25.0), Pose.identity()).parts) == []
+        assert list(NeighbourLists(Reach(*pair, 25.0), Pose.identity()).parts) == []
         both = GaussiansToGaussians(target=pair[0], source=pair[1])
         for _ in range(2):
             assert both.linearise(_step(rng)).value == 0
@@ -152,7 +155,7 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_reach():
     )
     assert ((s > 20.0) & (s < 25.0)).sum() > 50
     within = set(zip(*(rows.tolist() for rows in np.nonzero(s < 25.0)), strict=True))
-    assert within <= _all(NearPairs(Reach(target, source, 25.0), pose))
+    assert within <= _all(NeighbourLists(Reach(target, source, 25.0), pose))
 
 
 def test_lists_hold_until_something_may_have_moved_too_far():
@@ -161,7 +164,7 @@ def test_lists_hold_until_something_may_have_moved_too_far():
     start = _step(rng, 0.1)
     # Off its origin, so that a turn about that moves the sources as a whole as well.
     source = source.transformed(Pose(np.eye(3), np.array([30.0, 0.0, 0.0])))
-    near = NearPairs(Reach(target, source, 25.0), start)
+    near = NeighbourLists(Reach(target, source, 25.0), start)
     assert near.hold_at(start)
     held = 0
     for size in np.geomspace(1e-4, 0.5, 40):
@@ -185,7 +188,7 @@ def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
 
     def counted(*arguments):
         made.append(arguments[1])
-        return NearPairs(*arguments)
+        return NeighbourLists(*arguments)
 
     monkeypatch.setattr("scanlock.optimisation.objectives.gaussian_scores.NearPairs", counted)
     both = GaussiansToGaussians(target=target, source=source)
@@ -207,7 +210,7 @@ def test_more_pairs_than_are_kept_are_listed_anew(monkeypatch):
     pose = _step(rng, 0.1)
     whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
     monkeypatch.setattr(module, "_MOST_KEPT", 500)
-    near = NearPairs(Reach(target, source, 25.0), pose)
+    near = NeighbourLists(Reach(target, source, 25.0), pose)
     assert len(near.parts) == 3
     for part in near.parts:
         again, before = near.lists(part), near.lists(part)

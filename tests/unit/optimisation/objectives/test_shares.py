@@ -7,12 +7,12 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.models.voxel_gaussians import VoxelGrid
-from scanlock.optimisation.objectives.candidates import NearestTarget
+from scanlock.optimisation.objectives.candidates import NearestAssociation
 from scanlock.optimisation.objectives.cell_scores import PointsToCells
 from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.optimisation.objectives.point_pairs import PointPairs, point_precisions
-from scanlock.optimisation.solvers.problem import Parted, gathered
+from scanlock.optimisation.solvers.problem import Separable, gathered
 
 _POSE = Pose.from_step(np.array([0.2, -0.1, 0.1, 0.02, -0.01, 0.03]))
 
@@ -31,7 +31,7 @@ def _objectives():
     yield "d2d", GaussiansToGaussians(target=target, source=source)
     yield (
         "d2d nearest",
-        GaussiansToGaussians(target=target, source=source, candidates=NearestTarget(tree)),
+        GaussiansToGaussians(target=target, source=source, candidates=NearestAssociation(tree)),
     )
     yield "p2d", PointsToGaussians(target=target, points=points)
     for meeting in ("near-cells", "trilinear"):
@@ -53,7 +53,7 @@ def _objectives():
 @pytest.mark.parametrize("name", _NAMES)
 def test_shares_add_up_to_the_whole(name):
     objective = dict(_objectives())[name]
-    assert isinstance(objective, Parted), name
+    assert isinstance(objective, Separable), name
     units = np.arange(len(objective.places)) * 7 % 5
     whole, shares = objective.linearise(_POSE), objective.shares(_POSE, units)
     assert len(shares.gradients) == 5

@@ -2,6 +2,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
@@ -10,10 +11,9 @@ from scanlock.optimisation.solvers.bfgs import QuasiNewton
 from scanlock.optimisation.solvers.line_descent import LineDescent
 from scanlock.optimisation.solvers.line_search import LinePoint, LineStep, StrongWolfe
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
-from scanlock.optimisation.solvers.stopping import Stopping
 
-_LEVER = 5.0
-_SCALE = np.array([1.0, 1.0, 1.0, _LEVER, _LEVER, _LEVER])
+_ROTATION_SCALE = 5.0
+_SCALE = np.array([1.0, 1.0, 1.0, _ROTATION_SCALE, _ROTATION_SCALE, _ROTATION_SCALE])
 _START = Pose.from_step(np.array([0.4, -0.3, 0.2, 0.05, -0.08, 0.1]))
 
 
@@ -26,10 +26,10 @@ def _objective():
 
 def _descent(search, iterations=100):
     return LineDescent(
-        stopping=Stopping(iterations=iterations),
+        criteria=ConvergenceCriteria(iterations=iterations),
         line_search=search,
-        lever=_LEVER,
-        longest_step=10.0,
+        rotation_scale=_ROTATION_SCALE,
+        max_step=10.0,
     )
 
 

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 
 _FLOOR = -1.0
 """Added to every value below: a value of exactly zero means to the solver that nothing meets."""
@@ -105,15 +105,15 @@ def _assert_consistent(solution, solver):
     assert len(set(values)) == len(values)
     last_step, _ = solution.pose.distance(accepted[-1].pose)
     if solution.reason is StopReason.STEP_SMALL:
-        assert last_step < solver.stopping.step
+        assert last_step < solver.criteria.step
         assert solution.quadratic.value <= values[-1]
     else:
         assert last_step == 0.0
         assert solution.quadratic.value == values[-1]
-    assert len(history) <= solver.stopping.iterations
+    assert len(history) <= solver.criteria.iterations
     # One step may exceed the radius by the hundredth that the search for the damping allows.
     steps = [entry.step_norm for entry in history]
-    assert max(steps) <= 1.01 * max(solver.first_radius, solver.largest_radius)
+    assert max(steps) <= 1.01 * max(solver.first_radius, solver.max_radius)
     if len(steps) > 1:
         assert steps[1] <= 1.01 * solver.first_radius
 
@@ -131,7 +131,7 @@ def test_a_quadratic_within_the_radius_takes_one_step(curvatures):
 def test_a_last_step_too_small_to_evaluate_is_taken_as_foretold():
     minimum = np.array([1.0, -2.0, 3.0])
     bowl, start = _bowl(minimum), _at(1.004, -2.0, 3.003)
-    solution = Newton(stopping=Stopping(step=0.01)).minimise(bowl, start)
+    solution = Newton(criteria=ConvergenceCriteria(step=0.01)).minimise(bowl, start)
     assert bowl.calls == 1
     assert solution.reason is StopReason.STEP_SMALL
     np.testing.assert_allclose(solution.pose.translation, minimum, atol=1e-12)
@@ -152,13 +152,13 @@ def test_a_small_step_that_was_cut_short_is_not_taken():
             gradient = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
             return Quadratic(_FLOOR + (self.calls > 1), gradient, np.eye(6))
 
-    solution = Newton(stopping=Stopping(step=1e-3)).minimise(_Liar(), Pose.identity())
+    solution = Newton(criteria=ConvergenceCriteria(step=1e-3)).minimise(_Liar(), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert solution.pose == Pose.identity()
 
 
 def test_steps_are_no_longer_than_the_trust_radius():
-    solver = Newton(first_radius=0.5, largest_radius=3.0)
+    solver = Newton(first_radius=0.5, max_radius=3.0)
     solution = solver.minimise(_bowl(np.array([20.0, 0.0, 0.0])), Pose.identity())
     steps = np.array([entry.step_norm for entry in solution.history])
     # The quadratic is always right, so the radius doubles up to its largest.
@@ -169,13 +169,13 @@ def test_steps_are_no_longer_than_the_trust_radius():
 
 def test_the_first_step_is_no_longer_than_the_largest():
     with pytest.raises(InvalidInput, match=r"largest_radius must be at least 20\.0 m, got 10\.0 m"):
-        Newton(first_radius=20.0, largest_radius=10.0)
+        Newton(first_radius=20.0, max_radius=10.0)
 
 
 def test_rosenbrocks_valley_is_followed_to_its_end():
     # At its end the valley is 2500 times as steep as long, more than the solver lets curvatures
     # differ: the last steps are too short by a factor, and a step of 1e-9 leaves some of it.
-    solver = Newton(stopping=Stopping(gradient=1e-9, step=1e-9))
+    solver = Newton(criteria=ConvergenceCriteria(gradient=1e-9, step=1e-9))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 1.0))
     np.testing.assert_allclose(solution.pose.translation, [1.0, 1.0, 0.0], atol=1e-8)
     assert solution.reason.is_converged
@@ -200,7 +200,7 @@ def test_a_start_where_the_hessian_is_indefinite_still_descends():
 
 def test_the_top_of_a_hill_is_left_downhill():
     hill = _Function(lambda t: -(t @ t), lambda t: -2.0 * t, lambda t: -2.0 * np.eye(3))
-    solver = Newton(stopping=Stopping(iterations=6))
+    solver = Newton(criteria=ConvergenceCriteria(iterations=6))
     solution = solver.minimise(hill, _at(1e-3, 0.0, 0.0))
     assert solution.reason is StopReason.ITERATION_LIMIT
     # Each step is as long as the curvature says: the distance from the top doubles.
@@ -219,7 +219,7 @@ def test_a_flat_function_stops_where_it_starts():
 
 def test_a_slope_without_curvature_is_followed_at_the_trust_radius():
     slope = _Function(lambda t: t[0], lambda t: [1.0, 0.0, 0.0], lambda t: np.zeros((3, 3)))
-    solver = Newton(stopping=Stopping(iterations=4))
+    solver = Newton(criteria=ConvergenceCriteria(iterations=4))
     solution = solver.minimise(slope, Pose.identity())
     assert solution.reason is StopReason.ITERATION_LIMIT
     np.testing.assert_allclose(solution.pose.translation, [-25.0, 0.0, 0.0], rtol=0.03)
@@ -232,7 +232,7 @@ def test_nothing_in_reach_is_no_support():
 
     start = _at(1.0, 2.0, 3.0)
     solution = Newton().minimise(Nothing(), start)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
     assert len(solution.history) == 1
 
@@ -240,7 +240,7 @@ def test_nothing_in_reach_is_no_support():
 @pytest.mark.parametrize("limit", [1, 2, 5, 11])
 def test_no_more_evaluations_than_allowed(limit):
     function = _rosenbrock()
-    solver = Newton(stopping=Stopping(iterations=limit))
+    solver = Newton(criteria=ConvergenceCriteria(iterations=limit))
     solution = solver.minimise(function, _at(-1.2, 1.0, 0.0))
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert function.calls == len(solution.history) == limit
@@ -248,7 +248,7 @@ def test_no_more_evaluations_than_allowed(limit):
 
 
 def test_the_best_pose_seen_is_returned_at_the_limit():
-    solver = Newton(stopping=Stopping(iterations=8))
+    solver = Newton(criteria=ConvergenceCriteria(iterations=8))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 0.0))
     assert any(not entry.accepted for entry in solution.history)
     assert solution.quadratic.value == min(entry.value for entry in solution.history)
@@ -256,7 +256,7 @@ def test_the_best_pose_seen_is_returned_at_the_limit():
 
 def test_tolerances_end_the_search_when_they_say():
     loose, tight = (
-        Newton(stopping=Stopping(gradient=gradient, step=1e-12)).minimise(
+        Newton(criteria=ConvergenceCriteria(gradient=gradient, step=1e-12)).minimise(
             _rosenbrock(), _at(-1.2, 1.0, 0.0)
         )
         for gradient in (1e-2, 1e-8)
@@ -266,7 +266,7 @@ def test_tolerances_end_the_search_when_they_say():
     assert tight.history[-1].gradient_norm < 1e-8
     assert len(loose.history) < len(tight.history)
 
-    stepped = Newton(stopping=Stopping(gradient=1e-30, step=0.5)).minimise(
+    stepped = Newton(criteria=ConvergenceCriteria(gradient=1e-30, step=0.5)).minimise(
         _bowl(np.array([0.3, 0.0, 0.0])), Pose.identity()
     )
     assert stepped.reason is StopReason.STEP_SMALL
@@ -277,7 +277,7 @@ def test_rotations_count_at_the_lever():
     rng = np.random.default_rng(0)
     source = rng.normal(size=(30, 3))
     turn = Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
-    solver = Newton(lever=10.0, first_radius=2.0, largest_radius=2.0)
+    solver = Newton(rotation_scale=10.0, first_radius=2.0, max_radius=2.0)
     solution = solver.minimise(_PointPairs(turn.apply(source), source), Pose.identity())
     first = solution.history[1]
     metres, radians = first.pose.distance(Pose.identity())
@@ -296,7 +296,7 @@ def test_paired_points_are_brought_together(angle, offset):
     motion = Pose.from_step(np.concatenate([[5.0, -3.0, 1.0], angle * axis]))
     around = Pose(np.eye(3), np.full(3, offset))
     motion = around @ motion @ around.inverse()
-    solver = Newton(stopping=Stopping(gradient=1e-4, step=1e-9))
+    solver = Newton(criteria=ConvergenceCriteria(gradient=1e-4, step=1e-9))
     solution = solver.minimise(_PointPairs(motion.apply(source), source), Pose.identity())
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.apply(source), motion.apply(source), atol=1e-5)

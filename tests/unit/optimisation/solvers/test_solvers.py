@@ -4,11 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import Restraint
+from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -17,7 +18,6 @@ from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 
 _SOLVERS = {
     "newton": Newton(),
@@ -71,7 +71,7 @@ def _valley(t):
 @_ALL
 def test_a_bent_valley_is_followed_to_its_end(solver):
     objective = _Translations(_valley)
-    solver = type(solver)(stopping=Stopping(gradient=1e-8, step=1e-9, iterations=400))
+    solver = type(solver)(criteria=ConvergenceCriteria(gradient=1e-8, step=1e-9, iterations=400))
     solution = solver.minimise(objective, Pose(np.eye(3), np.array([-1.2, 1.0, 0.5])))
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.translation, [1.0, 1.0, 0.0], atol=1e-6)
@@ -98,7 +98,7 @@ def test_the_path_falls_to_the_best_pose_that_was_tried(solver):
 def test_where_nothing_meets_there_is_no_support(solver):
     away = yaw_pose(0.0, (1e3, 0.0, 0.0))
     solution = solver.minimise(_d2d(solver.curvature), away)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == away
     assert len(solution.history) == 1
 
@@ -106,7 +106,7 @@ def test_where_nothing_meets_there_is_no_support(solver):
 @_ALL
 @pytest.mark.parametrize("limit", [1, 2, 3, 5])
 def test_no_more_evaluations_than_allowed(solver, limit):
-    solver = type(solver)(stopping=Stopping(iterations=limit))
+    solver = type(solver)(criteria=ConvergenceCriteria(iterations=limit))
     solution = solver.minimise(_d2d(solver.curvature), _FARTHER)
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert len(solution.history) == limit
@@ -116,7 +116,7 @@ def test_no_more_evaluations_than_allowed(solver, limit):
 @_ALL
 def test_a_start_at_the_minimum_stays_there(solver):
     minimum = solver.minimise(_d2d(solver.curvature), _START).pose
-    solver = type(solver)(stopping=Stopping(gradient=1e-4))
+    solver = type(solver)(criteria=ConvergenceCriteria(gradient=1e-4))
     solution = solver.minimise(_d2d(solver.curvature), minimum)
     assert solution.reason is StopReason.GRADIENT_SMALL
     assert solution.pose == minimum
@@ -126,7 +126,7 @@ def test_a_start_at_the_minimum_stays_there(solver):
 @_ALL
 @pytest.mark.parametrize("dof", ["xy+yaw", "xyz+yaw"])
 def test_locked_directions_stay(solver, dof):
-    solution = solver.minimise(Restraint(dof=dof).on(_d2d(solver.curvature)), _START)
+    solution = solver.minimise(Constraints(dof=dof).on(_d2d(solver.curvature)), _START)
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
     if dof == "xy+yaw":
@@ -146,7 +146,7 @@ def test_a_direction_that_nothing_holds_is_left_alone(solver):
 @_ALL
 def test_a_slope_without_curvature_is_followed_in_bounded_steps(solver):
     slope = _Translations(lambda t: (1.0 + t[0], [1.0, 0.0, 0.0], np.zeros((3, 3))))
-    solver = type(solver)(stopping=Stopping(iterations=12))
+    solver = type(solver)(criteria=ConvergenceCriteria(iterations=12))
     solution = solver.minimise(slope, Pose.identity())
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert -12 * 10.5 < solution.pose.translation[0] < -2.0
@@ -168,14 +168,14 @@ def test_a_cliff_of_no_number_is_kept_away_from(solver):
 @pytest.mark.parametrize("longest", [0.1, 1.0])
 @pytest.mark.parametrize("solver", [Bfgs, LineSearchNewton])
 def test_no_step_is_longer_than_the_longest(solver, longest):
-    solution = solver(longest_step=longest).minimise(_d2d("exact"), _FARTHER)
+    solution = solver(max_step=longest).minimise(_d2d("exact"), _FARTHER)
     assert solution.reason.is_converged
     # The step of Newton may exceed its radius by the hundredth that its damping is found to.
     assert max(entry.step_norm for entry in solution.history) <= 1.011 * longest
 
 
 def test_damping_falls_after_steps_that_help_and_grows_after_others():
-    solver = LevenbergMarquardt(first_damping=1e6, stopping=Stopping(iterations=4))
+    solver = LevenbergMarquardt(first_damping=1e6, criteria=ConvergenceCriteria(iterations=4))
     bowl = _Translations(lambda t: (1.0 + t @ t, 2.0 * t, 2.0 * np.eye(3)))
     steps = [
         entry.step_norm
@@ -198,12 +198,12 @@ def test_damping_falls_after_steps_that_help_and_grows_after_others():
         (lambda: LevenbergMarquardt(growth=1.0), "growth"),
         (lambda: LevenbergMarquardt(decay=0.5), "decay"),
         (lambda: LevenbergMarquardt(first_damping=-1.0), "first_damping"),
-        (lambda: LevenbergMarquardt(lever=0.0), "lever must be positive"),
-        (lambda: LevenbergMarquardt(longest_step=0.0), "longest_step must be positive"),
+        (lambda: LevenbergMarquardt(rotation_scale=0.0), "lever must be positive"),
+        (lambda: LevenbergMarquardt(max_step=0.0), "longest_step must be positive"),
         (lambda: Bfgs(first_step=0.0), "first_step must be positive"),
-        (lambda: Bfgs(longest_step=-1.0), "longest_step must be positive"),
-        (lambda: LineSearchNewton(lever=float("nan")), "lever must be positive"),
-        (lambda: LineSearchNewton(longest_step=0.0), "longest_step must be positive"),
+        (lambda: Bfgs(max_step=-1.0), "longest_step must be positive"),
+        (lambda: LineSearchNewton(rotation_scale=float("nan")), "lever must be positive"),
+        (lambda: LineSearchNewton(max_step=0.0), "longest_step must be positive"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings, match):

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.staged import loosened, minimise_in_turn
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+from scanlock.optimisation.solvers.staged import minimise_staged, with_tolerance
 
 
 class _Bowl:
@@ -32,7 +32,7 @@ class _Nothing:
 
 def test_each_stage_begins_where_the_last_one_ended():
     places = ([1.0, 0.0, 0.0], [1.0, 2.0, 0.0])
-    found = minimise_in_turn([(Newton(), _Bowl(place)) for place in places], Pose.identity())
+    found = minimise_staged([(Newton(), _Bowl(place)) for place in places], Pose.identity())
     np.testing.assert_allclose(found.pose.translation, places[1], atol=1e-6)
     visited = [entry.pose.translation.tolist() for entry in found.history]
     assert visited[0] == [0.0, 0.0, 0.0]
@@ -44,20 +44,20 @@ def test_each_stage_begins_where_the_last_one_ended():
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_a_stage_where_nothing_meets_is_passed_over(order):
     stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Nothing())]
-    found = minimise_in_turn([stages[k] for k in order], Pose.identity())
+    found = minimise_staged([stages[k] for k in order], Pose.identity())
     assert found.reason.is_converged
     np.testing.assert_allclose(found.pose.translation, [1.0, 0.0, 0.0], atol=1e-6)
 
 
 def test_the_start_comes_back_untouched_where_nothing_meets_at_all():
     start = Pose.from_step(np.arange(6.0))
-    found = minimise_in_turn([(Newton(), _Nothing())] * 2, start)
-    assert found.reason is StopReason.NO_SUPPORT
+    found = minimise_staged([(Newton(), _Nothing())] * 2, start)
+    assert found.reason is StopReason.EMPTY_OBJECTIVE
     assert found.pose == start
     assert len(found.history) == 2
 
 
 def test_a_solver_is_loosened_and_never_tightened():
-    solver = Newton(stopping=Stopping(step=1e-3, iterations=7))
-    assert loosened(solver, 0.1).stopping == Stopping(step=0.1, iterations=7)
-    assert loosened(solver, 1e-6) == solver
+    solver = Newton(criteria=ConvergenceCriteria(step=1e-3, iterations=7))
+    assert with_tolerance(solver, 0.1).criteria == ConvergenceCriteria(step=0.1, iterations=7)
+    assert with_tolerance(solver, 1e-6) == solver

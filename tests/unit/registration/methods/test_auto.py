@@ -8,11 +8,11 @@ from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.registration.methods.auto import Auto
-from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.register import register
-from scanlock.registration.verification.candidate import UNKNOWN_VIOLATION, Candidate, plausibility
+from scanlock.registration.verification.candidate import HALVING_VIOLATION, Candidate, plausibility
 from scanlock.registration.verification.status import Status
 from scanlock.simulation import scan_pair
 
@@ -49,7 +49,7 @@ def test_candidates_tell_what_there_was_to_choose_from(scans):
     best = found.candidates[0]
     _assert_true(found.solution.pose)
     assert best.target_from_source == found.solution.pose
-    assert best.maker == "heading search"
+    assert best.proposed_by == "heading search"
     assert best.agreement > 0.5
     assert best.violation < 0.2
     agreements = [one.agreement for one in found.candidates]
@@ -59,17 +59,17 @@ def test_candidates_tell_what_there_was_to_choose_from(scans):
 def test_a_good_initial_pose_is_never_made_worse(scans):
     found = _found(scans, initial=yaw_pose(0.01, (0.1, 0.0, 0.0)) @ _TRUTH)
     _assert_true(found.solution.pose)
-    assert found.candidates[0].maker == "initial pose"
+    assert found.candidates[0].proposed_by == "initial pose"
 
 
 def test_a_start_from_where_the_search_leads_is_not_finished_again(scans, monkeypatch):
     ends = []
 
-    def align(self, target, source, start, restraint, kept=FineStage.align):
-        ends.append(kept(self, target, source, start, restraint))
+    def align(self, target, source, start, constraints, kept=FineNdt.align):
+        ends.append(kept(self, target, source, start, constraints))
         return ends[-1]
 
-    monkeypatch.setattr(FineStage, "align", align)
+    monkeypatch.setattr(FineNdt, "align", align)
     searched = _found(scans)
     alone = len(ends)
     near = _found(scans, initial=yaw_pose(0.01, (0.1, 0.0, 0.0)) @ _TRUTH)
@@ -84,7 +84,7 @@ def test_a_start_from_where_the_search_leads_is_not_finished_again(scans, monkey
 def test_a_wrong_initial_pose_misleads_nobody(scans):
     found = _found(scans, initial=yaw_pose(0.5, (-300.0, 100.0, 0.0)))
     _assert_true(found.solution.pose)
-    assert found.candidates[0].maker == "heading search"
+    assert found.candidates[0].proposed_by == "heading search"
 
 
 def test_loyalty_decides_between_poses_that_agree_as_well():
@@ -101,15 +101,15 @@ def test_loyalty_decides_between_poses_that_agree_as_well():
     result = register(source, target)
     assert result.status is Status.AMBIGUOUS
     assert "another pose agrees" in result.reason
-    assert result.second_best > 0.9
+    assert result.runner_up_ratio > 0.9
     assert len(result.candidates) >= 2
     assert result.as_dict()["candidates"][1]["maker"] == "heading search"
 
 
 def test_locked_directions_hold_for_hypotheses_too(scans):
     target, source = scans
-    level = Restraint(dof="xy+yaw")
-    found = _found((target, source), restraint=level)
+    level = Constraints(dof="xy+yaw")
+    found = _found((target, source), constraints=level)
     assert found.solution.pose.translation[2] == pytest.approx(0.0, abs=1e-9)
     assert found.solution.pose.rotation[2, 2] == pytest.approx(1.0, abs=1e-12)
     metres, radians = found.solution.pose.distance(_TRUTH)
@@ -123,7 +123,7 @@ def test_a_prior_is_a_hypothesis_and_a_judge():
     source = np.vstack([street(2), half.apply(street(4))])
     for truth in (Pose.identity(), half):
         believed = PosePrior.from_deviations(yaw_pose(0.1, (0.5, 0.0, 0.0)) @ truth, 0.5, 0.2)
-        found = _found((target, source), restraint=Restraint(prior=believed))
+        found = _found((target, source), constraints=Constraints(prior=believed))
         assert found.solution.pose.is_close(truth, translation=0.06, rotation=0.01)
         assert register(source, target, prior=believed).status is Status.OK
 
@@ -152,7 +152,7 @@ def test_without_parts_to_search_by_a_start_is_enough():
 def test_agreement_falls_with_what_violates_free_space():
     sure = Candidate(Pose.identity(), "prior", 0.8, 0.7, 0.5, 0.0)
     assert sure.agreement == pytest.approx(0.4)
-    assert replace(sure, violation=UNKNOWN_VIOLATION).agreement == pytest.approx(0.2)
+    assert replace(sure, violation=HALVING_VIOLATION).agreement == pytest.approx(0.2)
     assert replace(sure, violation=math.nan).agreement == pytest.approx(0.4)
     shares = [plausibility(violation) for violation in (0.0, 0.1, 0.5, 1.0)]
     assert shares == sorted(shares, reverse=True)

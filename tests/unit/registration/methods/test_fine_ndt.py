@@ -8,10 +8,10 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.methods.fine_ndt import FineStage
+from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.simulation import scan_pair
 
-_STAGE = FineStage()
+_STAGE = FineNdt()
 
 
 def _prepared(points, stage=_STAGE):
@@ -46,7 +46,7 @@ def test_a_sparse_scan_gets_larger_cells_and_a_pair_the_larger_of_both():
 
 def test_three_grids_give_thrice_the_cells():
     scan = street(1, count=20000)
-    single = _prepared(scan, FineStage(offsets=(0.0,)))
+    single = _prepared(scan, FineNdt(offsets=(0.0,)))
     triple = _prepared(scan)
     assert triple.width == single.width
     assert 2.5 < len(triple.gaussians) / len(single.gaussians) < 3.5
@@ -73,4 +73,4 @@ def test_joined_gaussians_are_those_of_the_parts_in_their_order():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        FineStage(**settings)
+        FineNdt(**settings)

@@ -2,15 +2,15 @@ import math
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.newton import Newton
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.register import register
 
@@ -21,9 +21,9 @@ def _scan(points, method):
     return method.prepare(PointCloud.from_array(points))
 
 
-def _aligned(method, motion, start=None, restraint=None):
+def _aligned(method, motion, start=None, constraints=None):
     target, source = _scan(street(1), method), _scan(motion.inverse().apply(street(2)), method)
-    return method.align(target, source, start or Pose.identity(), restraint or Restraint())
+    return method.align(target, source, start or Pose.identity(), constraints or Constraints())
 
 
 @_with_each_meeting
@@ -42,7 +42,9 @@ def test_a_known_motion_is_recovered(meeting, motion):
     assert solution.pose.is_close(motion, translation=0.03, rotation=2e-3)
 
 
-@pytest.mark.parametrize("solver", [Newton(), Bfgs(), Newton(stopping=Stopping(iterations=2))])
+@pytest.mark.parametrize(
+    "solver", [Newton(), Bfgs(), Newton(criteria=ConvergenceCriteria(iterations=2))]
+)
 def test_the_solver_does_not_change_where_the_pairing_ends(solver):
     motion = yaw_pose(0.1, (1.0, -0.5, 0.1))
     poses = [_aligned(Gicp(), motion).pose, _aligned(Gicp(solver=solver), motion).pose]
@@ -97,7 +99,7 @@ def test_where_nothing_meets_the_start_is_returned(meeting):
     method, start = Gicp(meeting=meeting), yaw_pose(0.3, (300.0, 0.0, 0.0))
     scan = _scan(street(1), method)
     solution = method.align(scan, scan, start)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
     assert solution.history[0].pose == start
     assert solution.history[0].pairs == 0
@@ -108,7 +110,7 @@ def test_a_start_lost_at_the_last_scale_is_returned_untouched():
     method = Gicp(gates=(20.0, 0.0001))
     start = Pose.from_step(np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     solution = method.align(_scan(street(1), method), _scan(street(2), method), start)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
     assert len(solution.history) > 2
 
@@ -122,7 +124,7 @@ def test_too_few_rounds_are_said_to_be():
 def test_locked_directions_stay(meeting):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
     motion = yaw_pose(0.1, (1.0, -0.5, 0.2))
-    solution = _aligned(Gicp(meeting=meeting), motion, start, Restraint(dof="xy+yaw"))
+    solution = _aligned(Gicp(meeting=meeting), motion, start, Constraints(dof="xy+yaw"))
     assert solution.pose.translation[2] == pytest.approx(start.translation[2], abs=1e-9)
     tilt = solution.pose.rotation @ start.rotation.T
     np.testing.assert_allclose(tilt[2], [0.0, 0.0, 1.0], atol=1e-9)
@@ -131,9 +133,9 @@ def test_locked_directions_stay(meeting):
 
 def test_a_firm_prior_holds_the_pose():
     motion, belief = yaw_pose(0.02, (0.3, -0.2, 0.05)), yaw_pose(0.05, (0.6, 0.0, 0.0))
-    firm = Restraint(prior=PosePrior.from_deviations(belief, 1e-5, 1e-6))
-    loose = Restraint(prior=PosePrior.from_deviations(belief, 100.0, 10.0))
-    held, free = (_aligned(Gicp(), motion, restraint=one).pose for one in (firm, loose))
+    firm = Constraints(prior=PosePrior.from_deviations(belief, 1e-5, 1e-6))
+    loose = Constraints(prior=PosePrior.from_deviations(belief, 100.0, 10.0))
+    held, free = (_aligned(Gicp(), motion, constraints=one).pose for one in (firm, loose))
     assert held.is_close(belief, translation=1e-3, rotation=1e-4)
     assert free.is_close(_aligned(Gicp(), motion).pose, translation=1e-4, rotation=1e-5)
 
@@ -143,7 +145,7 @@ def test_a_scan_keeps_what_it_was_thinned_to():
     assert len(kept.surface) < 4000 < len(kept.cloud)
     assert kept.surface.points is kept.tree.points
     assert kept.voxels == ()
-    assert kept.shortage == ""
+    assert kept.insufficient == ""
     assert kept.notes == (f"{len(kept.surface)} surface points; 0 others stand alone",)
     assert set(kept.timings) == {"thin", "surface", "voxels"}
     widths = [voxels.width for voxels in _scan(street(1), Gicp(meeting="voxel")).voxels]
@@ -187,7 +189,7 @@ def test_coarse_scales_are_not_followed_away_from_a_good_start():
 @pytest.mark.parametrize("count", [1, 3, 9])
 def test_a_handful_of_points_is_too_few(meeting, count):
     handful = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 3))
-    assert _scan(handful, Gicp(meeting=meeting)).shortage == (
+    assert _scan(handful, Gicp(meeting=meeting)).insufficient == (
         f"holds {count} surface points, of 10 needed"
     )
 

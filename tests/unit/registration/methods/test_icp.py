@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference.point_scans import SpyingGate, point_scan
 from reference.samples import street, yaw_pose
@@ -15,20 +16,23 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.models.surfaces import surface_normals
-from scanlock.optimisation.objectives.constraints import PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.annealing import Annealing
-from scanlock.optimisation.solvers.stopping import StopReason
-from scanlock.registration.methods.correspondences import Pairing, typical_spacing
+from scanlock.registration.methods.correspondences import CorrespondenceFinder, typical_spacing
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.icp_annealing import AnnealedStart
-from scanlock.registration.methods.icp_history import IcpStopping
-from scanlock.registration.methods.rejection import AdaptiveGate, FixedGate, TrimmedGate
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
+from scanlock.registration.methods.rejection import (
+    AdaptiveRejection,
+    FixedRejection,
+    TrimmedRejection,
+)
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _MOTION = yaw_pose(0.05, (0.5, -0.3, 0.1))
-_PLANES = PairFit(step="gauss-newton", residual="point-to-plane")
-_FITS = {step: PairFit(step=step) for step in ("svd", "quaternion", "gauss-newton")}
+_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
+_FITS = {step: TransformEstimation(step=step) for step in ("svd", "quaternion", "gauss-newton")}
 _FITS["planes"] = _PLANES
 _LATTICE = 10.0 * np.array(list(itertools.product(range(4), repeat=3)), np.float64) - 15.0
 """Points too far apart for a pair to change sides."""
@@ -42,23 +46,23 @@ def _sides(method, motion=_MOTION, count=6000):
     return _scan(street(1, count), method), _scan(motion.inverse().apply(street(2, count)), method)
 
 
-def _aligned(method, motion=_MOTION, start=None, restraint=None, count=6000):
+def _aligned(method, motion=_MOTION, start=None, constraints=None, count=6000):
     sides = _sides(method, motion, count)
-    return method.align(*sides, start or Pose.identity(), restraint or Restraint())
+    return method.align(*sides, start or Pose.identity(), constraints or Constraints())
 
 
 _VARIANTS = {
     "svd": Icp(),
-    "quaternion": Icp(fit=PairFit(step="quaternion")),
-    "gauss-newton": Icp(fit=PairFit(step="gauss-newton")),
+    "quaternion": Icp(fit=TransformEstimation(step="quaternion")),
+    "gauss-newton": Icp(fit=TransformEstimation(step="gauss-newton")),
     "tessellation": Icp(search="delaunay"),
     "planes": Icp(fit=_PLANES),
     "all points": Icp(spacing=None),
     "noise": Icp(noise=SensorNoise()),
     "noise, planes": Icp(noise=SensorNoise(), fit=_PLANES),
-    "robust": Icp(pairing=Pairing(robust=RobustWeights(loss="tukey"))),
-    "orientation": Icp(pairing=Pairing(orientation=math.radians(60.0))),
-    "trimmed": Icp(pairing=Pairing(gate=TrimmedGate(share=0.8))),
+    "robust": Icp(pairing=CorrespondenceFinder(robust=RobustWeights(loss="tukey"))),
+    "orientation": Icp(pairing=CorrespondenceFinder(orientation=math.radians(60.0))),
+    "trimmed": Icp(pairing=CorrespondenceFinder(gate=TrimmedRejection(share=0.8))),
     "paper": Icp.madhavan2003(),
 }
 
@@ -87,8 +91,8 @@ def test_the_motion_of_one_look_is_recovered_exactly(fit, noise):
 @pytest.mark.parametrize("variant", ["svd", "quaternion", "gauss-newton", "tessellation"])
 def test_search_and_step_do_not_change_the_answer(variant):
     # A fixed gate: the mean of an adaptive one rounds differently.
-    method = replace(_VARIANTS[variant], pairing=Pairing(gate=FixedGate()))
-    expected = _aligned(Icp(pairing=Pairing(gate=FixedGate())), count=3000).pose
+    method = replace(_VARIANTS[variant], pairing=CorrespondenceFinder(gate=FixedRejection()))
+    expected = _aligned(Icp(pairing=CorrespondenceFinder(gate=FixedRejection())), count=3000).pose
     found = _aligned(method, count=3000).pose
     assert found.is_close(expected, translation=1e-6, rotation=1e-7)
 
@@ -110,7 +114,7 @@ def test_a_scan_is_thinned_to_the_means_of_its_voxels():
     assert isinstance(kept.closest, PointTree)
     assert kept.spacing == typical_spacing(kept.closest)
     assert kept.notes == (f"{len(means)} points to pair, {kept.spacing:.3g} m apart",)
-    assert kept.shortage == ""
+    assert kept.insufficient == ""
     assert len(_scan(points, Icp(spacing=None)).points) == len(points)
 
 
@@ -119,7 +123,10 @@ def test_only_what_the_settings_need_is_kept():
     plain = Icp().prepare(cloud)
     assert (len(plain.normals), len(plain.covariances), len(plain.sample)) == (0, 0, 0)
     assert set(plain.timings) == {"thin", "search", "surface"}
-    for method in (Icp(fit=_PLANES, neighbours=7), Icp(pairing=Pairing(orientation=1.0))):
+    for method in (
+        Icp(fit=_PLANES, neighbours=7),
+        Icp(pairing=CorrespondenceFinder(orientation=1.0)),
+    ):
         kept = method.prepare(cloud)
         assert isinstance(kept.closest, PointTree)
         expected = surface_normals(kept.closest, method.neighbours)
@@ -147,11 +154,11 @@ def test_noise_about_a_sensor_that_may_be_elsewhere_is_said():
 @pytest.mark.parametrize("count", [9, 10])
 def test_fewer_than_ten_meeting_points_are_no_support(count):
     source = np.concatenate([_LATTICE[::3][:count] + 0.1, 100.0 * _LATTICE])
-    method = Icp(pairing=Pairing(gate=FixedGate()))
+    method = Icp(pairing=CorrespondenceFinder(gate=FixedRejection()))
     start = yaw_pose(0.001, (0.1, 0.0, 0.0))
     solution = method.align(point_scan(_LATTICE), point_scan(source), start)
     assert solution.history[0].pairs == count
-    assert (solution.reason is StopReason.NO_SUPPORT) == (count < 10)
+    assert (solution.reason is StopReason.EMPTY_OBJECTIVE) == (count < 10)
     assert (solution.pose == start) == (count < 10)
 
 
@@ -160,7 +167,7 @@ def test_where_nothing_meets_the_start_is_returned_untouched(method):
     start = yaw_pose(0.3, (300.0, 0.0, 0.0))
     scan = _scan(street(1, 2000), method)
     solution = method.align(scan, scan, start)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
     (only,) = solution.history
     assert (only.pose, only.pairs, only.accepted) == (start, 0, False)
@@ -170,10 +177,10 @@ def test_where_nothing_meets_the_start_is_returned_untouched(method):
 
 def test_a_start_whose_pairs_are_lost_on_the_way_is_returned_untouched():
     gate = SpyingGate(limits=(2.0, 2.0, 1e-9))
-    method = Icp(pairing=Pairing(gate=gate))
+    method = Icp(pairing=CorrespondenceFinder(gate=gate))
     start = yaw_pose(0.01, (0.1, 0.0, 0.0))
     solution = _aligned(method, start=start, count=2000)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
     assert [one.accepted for one in solution.history] == [True, True, False]
     assert solution.history[1].pose != start
@@ -183,15 +190,15 @@ def test_a_start_whose_pairs_are_lost_on_the_way_is_returned_untouched():
 def test_no_start_of_the_search_has_support_either():
     # Searched for but within reach of nothing: the first start is what comes back.
     search = AnnealedStart(annealing=Annealing(steps=50, chains=1))
-    method = Icp(pairing=Pairing(reach=1e-6), annealing=search)
+    method = Icp(pairing=CorrespondenceFinder(reach=1e-6), annealing=search)
     start = yaw_pose(0.1, (1.0, 0.0, 0.0))
     solution = _aligned(method, start=start, count=2000)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
 
 
 def test_the_history_tells_each_pairing():
-    pairing = Pairing(gate=FixedGate(distance=0.8))
+    pairing = CorrespondenceFinder(gate=FixedRejection(distance=0.8))
     method, start = Icp(pairing=pairing), yaw_pose(0.01, (0.1, 0.0, 0.0))
     sides = _sides(method, count=3000)
     solution = method.align(*sides, start)
@@ -217,7 +224,7 @@ def test_the_history_tells_each_pairing():
 
 
 def test_what_the_gate_inferred_is_noted():
-    method = Icp(pairing=Pairing(gate=SpyingGate(limits=(1.0,))))
+    method = Icp(pairing=CorrespondenceFinder(gate=SpyingGate(limits=(1.0,))))
     sides = _sides(method, count=2000)
     notes = method.align(*sides, Pose.identity()).notes
     assert notes[0] == f"spied at {sides[0].spacing:g} m"
@@ -226,7 +233,7 @@ def test_what_the_gate_inferred_is_noted():
 def test_near_enough_stops_it_early():
     full = _aligned(Icp(), count=3000)
     between = 0.5 * (full.history[1].mean_distance + full.history[2].mean_distance)
-    near = _aligned(Icp(stopping=IcpStopping(mean_distance=between)), count=3000)
+    near = _aligned(Icp(criteria=IcpConvergenceCriteria(mean_distance=between)), count=3000)
     assert near.reason is StopReason.STEP_SMALL
     assert len(near.history) == 3 < len(full.history)
     assert near.pose == full.history[2].pose
@@ -235,7 +242,7 @@ def test_near_enough_stops_it_early():
 
 def test_too_few_iterations_are_said_to_be():
     full = _aligned(Icp(), count=3000)
-    cut = _aligned(Icp(stopping=IcpStopping(iterations=3)), count=3000)
+    cut = _aligned(Icp(criteria=IcpConvergenceCriteria(iterations=3)), count=3000)
     assert cut.reason is StopReason.ITERATION_LIMIT
     assert len(cut.history) == 3
     assert cut.pose == full.history[2].pose
@@ -245,7 +252,11 @@ def test_too_few_iterations_are_said_to_be():
 def test_an_adaptive_gate_heeds_its_limit_once_the_pose_settles():
     limits = tuple(3.0 - 0.1 * k for k in range(15))
     gate = SpyingGate(limits=limits)
-    method = Icp(pairing=Pairing(gate=gate), settling=0.05, stopping=IcpStopping(iterations=15))
+    method = Icp(
+        pairing=CorrespondenceFinder(gate=gate),
+        settling=0.05,
+        criteria=IcpConvergenceCriteria(iterations=15),
+    )
     steps = [one.step_norm for one in _aligned(method, count=3000).history]
     settled = next(k for k, step in enumerate(steps) if k and step < 0.05)
     assert 2 < settled < len(steps) - 2
@@ -255,8 +266,8 @@ def test_an_adaptive_gate_heeds_its_limit_once_the_pose_settles():
 
 def test_settling_at_once_heeds_limits_from_the_second_iteration():
     gate = SpyingGate(limits=(9.0, 8.0, 7.0, 6.0))
-    stopping = IcpStopping(iterations=4)
-    method = Icp(pairing=Pairing(gate=gate), settling=math.inf, stopping=stopping)
+    criteria = IcpConvergenceCriteria(iterations=4)
+    method = Icp(pairing=CorrespondenceFinder(gate=gate), settling=math.inf, criteria=criteria)
     _aligned(method, count=2000)
     assert gate.previous == [math.inf, 9.0, 8.0, 7.0]
 
@@ -267,11 +278,13 @@ def test_the_paper_takes_all_points_a_tessellation_and_statistics_of_all_pairs()
     assert method.spacing is None
     assert method.noise is None
     assert method.annealing is None
-    assert method.pairing == Pairing(gate=AdaptiveGate(statistics="all"), reach=math.inf)
-    assert method.fit == PairFit(step="svd", residual="point-to-point")
-    assert (method.stopping.change, method.stopping.mean_distance) == (0.01, None)
+    assert method.pairing == CorrespondenceFinder(
+        gate=AdaptiveRejection(statistics="all"), reach=math.inf
+    )
+    assert method.fit == TransformEstimation(step="svd", residual="point-to-point")
+    assert (method.criteria.change, method.criteria.mean_distance) == (0.01, None)
     gate = Icp.madhavan2003(good_distance=0.4).pairing.gate
-    assert isinstance(gate, AdaptiveGate)
+    assert isinstance(gate, AdaptiveRejection)
     assert gate.good_distance == 0.4
 
 
@@ -286,10 +299,10 @@ def test_the_paper_stops_at_a_small_share_of_the_motion():
     assert any("changed by 0.01 of themselves" in note for note in solution.notes)
 
 
-@pytest.mark.parametrize("fit", [PairFit(), _PLANES], ids=["points", "planes"])
+@pytest.mark.parametrize("fit", [TransformEstimation(), _PLANES], ids=["points", "planes"])
 def test_locked_directions_stay(fit):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
-    solution = _aligned(Icp(fit=fit), start=start, restraint=Restraint(dof="xy+yaw"))
+    solution = _aligned(Icp(fit=fit), start=start, constraints=Constraints(dof="xy+yaw"))
     assert solution.reason.is_converged
     assert solution.pose.translation[2] == pytest.approx(start.translation[2], abs=1e-9)
     tilt = solution.pose.rotation @ start.rotation.T
@@ -299,9 +312,9 @@ def test_locked_directions_stay(fit):
 
 def test_a_firm_prior_holds_the_pose_and_is_said_to():
     belief = yaw_pose(0.08, (0.8, 0.0, 0.0))
-    firm = Restraint(prior=PosePrior.from_deviations(belief, 1e-5, 1e-6))
-    loose = Restraint(prior=PosePrior.from_deviations(belief, 100.0, 10.0))
-    held, free = (_aligned(Icp(), restraint=one, count=3000) for one in (firm, loose))
+    firm = Constraints(prior=PosePrior.from_deviations(belief, 1e-5, 1e-6))
+    loose = Constraints(prior=PosePrior.from_deviations(belief, 100.0, 10.0))
+    held, free = (_aligned(Icp(), constraints=one, count=3000) for one in (firm, loose))
     assert held.pose.is_close(belief, translation=1e-3, rotation=1e-4)
     assert free.pose.is_close(_aligned(Icp(), count=3000).pose, translation=1e-3, rotation=1e-4)
     for solution in (held, free):
@@ -311,7 +324,7 @@ def test_a_firm_prior_holds_the_pose_and_is_said_to():
 
 def test_scans_of_a_line_are_laid_upon_each_other_and_said_to_be_one():
     line = np.arange(-10.0, 10.0, 0.5)[:, None] * [1.0, 0.0, 0.0]
-    method = Icp(spacing=None, pairing=Pairing(gate=FixedGate()))
+    method = Icp(spacing=None, pairing=CorrespondenceFinder(gate=FixedRejection()))
     target = _scan(line, method)
     source = _scan(yaw_pose(0.02, (0.05, 0.3, 0.1)).inverse().apply(line), method)
     solution = method.align(target, source, Pose.identity())
@@ -324,10 +337,10 @@ def test_scans_of_a_line_are_laid_upon_each_other_and_said_to_be_one():
 @pytest.mark.parametrize("step", ["svd", "quaternion", "gauss-newton"])
 def test_pairs_without_weight_are_no_support(step):
     robust = RobustWeights(loss="tukey", scale=0.001)
-    method = Icp(pairing=Pairing(robust=robust), fit=PairFit(step=step))
+    method = Icp(pairing=CorrespondenceFinder(robust=robust), fit=TransformEstimation(step=step))
     start = yaw_pose(0.1, (1.0, 0.0, 0.3))
     solution = _aligned(method, start=start, count=2000)
-    assert solution.reason is StopReason.NO_SUPPORT
+    assert solution.reason is StopReason.EMPTY_OBJECTIVE
     assert solution.pose == start
 
 

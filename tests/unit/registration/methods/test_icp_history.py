@@ -2,16 +2,16 @@ import math
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import StopReason
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Iteration
-from scanlock.optimisation.solvers.stopping import StopReason
-from scanlock.registration.methods.correspondences import Pairs
-from scanlock.registration.methods.icp_history import IcpStopping, Trail
+from scanlock.registration.methods.correspondences import Correspondences
+from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
 
-_NEVER = IcpStopping(step=1e-300)
+_NEVER = IcpConvergenceCriteria(step=1e-300)
 
 
 def _shift(x, yaw=0.0):
@@ -20,11 +20,11 @@ def _shift(x, yaw=0.0):
 
 def _pairs(count=3, mean_distance=0.2, limit=1.0):
     rows = np.arange(count)
-    return Pairs(rows, rows, np.ones(count), mean_distance, limit)
+    return Correspondences(rows, rows, np.ones(count), mean_distance, limit)
 
 
-def _trail(poses, limits=None, lever=10.0):
-    trail = Trail(lever)
+def _trail(poses, limits=None, rotation_scale=10.0):
+    trail = IcpHistory(rotation_scale)
     for k, pose in enumerate(poses):
         limit = 1.0 if limits is None else limits[k]
         trail.add(Quadratic(0.0, np.zeros(6), np.eye(6)), pose, _pairs(limit=limit))
@@ -36,7 +36,7 @@ def _history(poses, step_norm=1.0, mean_distance=0.2):
 
 
 def test_an_iteration_is_kept_with_its_step_and_slope():
-    trail = _trail([_shift(1.0, 0.1)], lever=10.0)
+    trail = _trail([_shift(1.0, 0.1)], rotation_scale=10.0)
     gradient = np.array([3.0, 0.0, 0.0, 0.0, 40.0, 0.0])
     quadratic = Quadratic(0.7, gradient, np.eye(6))
     trail.add(quadratic, _shift(1.3, 0.14), _pairs(8, 0.25), accepted=False)
@@ -73,7 +73,7 @@ def test_poses_came_back_within_the_tolerance_at_the_lever(apart, period):
     by_shift = [_shift(0.0), _shift(1.0), _shift(1e-3 * apart)]
     by_turn = [_shift(0.0), _shift(1.0), _shift(0.0, 1e-4 * apart)]
     for poses in (by_shift, by_turn):
-        assert _trail(poses, lever=10.0).period(1e-3) == period
+        assert _trail(poses, rotation_scale=10.0).period(1e-3) == period
 
 
 def test_limits_are_heeded_once_a_step_was_small():
@@ -87,7 +87,7 @@ def test_limits_are_heeded_once_a_step_was_small():
 
 
 def test_the_first_iteration_made_no_step_which_is_not_a_small_one():
-    assert Trail(10.0).settled_limit(math.inf, _shift(0.0)) == math.inf
+    assert IcpHistory(10.0).settled_limit(math.inf, _shift(0.0)) == math.inf
     assert _trail([_shift(0.0)]).settled_limit(0.1, _shift(1.0)) == math.inf
 
 
@@ -115,8 +115,8 @@ def test_notes_are_kept_once_and_in_order():
 @pytest.mark.parametrize("count", [1, 2])
 def test_near_enough_is_enough_from_the_first_pairing_on(distance, stops, count):
     history = _history([_shift(float(k)) for k in range(count)], mean_distance=distance)
-    stopping = IcpStopping(mean_distance=0.1)
-    reason, note = stopping.reason(history)
+    criteria = IcpConvergenceCriteria(mean_distance=0.1)
+    reason, note = criteria.reason(history)
     if not stops:
         assert (reason, note) == (None, "")
         return
@@ -126,19 +126,19 @@ def test_near_enough_is_enough_from_the_first_pairing_on(distance, stops, count)
 
 def test_unasked_a_mean_distance_stops_nothing():
     history = _history([_shift(0.0), _shift(1.0)], mean_distance=0.0)
-    assert IcpStopping().reason(history) == (None, "")
+    assert IcpConvergenceCriteria().reason(history) == (None, "")
 
 
 @pytest.mark.parametrize(("step", "stops"), [(0.99e-3, True), (1e-3, False)])
 def test_a_small_step_stops(step, stops):
     history = _history([_shift(0.0), _shift(1.0)], step_norm=step)
-    reason, note = IcpStopping(step=1e-3).reason(history)
+    reason, note = IcpConvergenceCriteria(step=1e-3).reason(history)
     assert reason is (StopReason.STEP_SMALL if stops else None)
     assert note == ("stopped because the pose changed no more" if stops else "")
 
 
 def test_the_first_pairing_made_no_step_to_stop_at():
-    assert IcpStopping().reason(_history([_shift(0.0)], step_norm=0.0)) == (None, "")
+    assert IcpConvergenceCriteria().reason(_history([_shift(0.0)], step_norm=0.0)) == (None, "")
 
 
 @pytest.mark.parametrize(
@@ -154,8 +154,8 @@ def test_the_first_pairing_made_no_step_to_stop_at():
     ],
 )
 def test_a_change_by_a_small_share_of_the_motion_stops(before, last, stops):
-    stopping = IcpStopping(change=0.01)
-    reason, note = stopping.reason(_history([before, last]))
+    criteria = IcpConvergenceCriteria(change=0.01)
+    reason, note = criteria.reason(_history([before, last]))
     assert reason is (StopReason.STEP_SMALL if stops else None)
     assert note == (
         "stopped because translation and rotation changed by 0.01 of themselves at most"
@@ -166,16 +166,16 @@ def test_a_change_by_a_small_share_of_the_motion_stops(before, last, stops):
 
 
 def test_too_long_is_no_convergence():
-    stopping = IcpStopping(iterations=3)
+    criteria = IcpConvergenceCriteria(iterations=3)
     poses = [_shift(float(k)) for k in range(3)]
-    assert stopping.reason(_history(poses[:2])) == (None, "")
-    reason, note = stopping.reason(_history(poses))
+    assert criteria.reason(_history(poses[:2])) == (None, "")
+    reason, note = criteria.reason(_history(poses))
     assert reason is StopReason.ITERATION_LIMIT
     assert note == "stopped after 3 iterations"
     assert not reason.is_converged
     # One that settles in its last iteration has converged.
     settled = _history([*poses[:2], poses[1]], step_norm=0.0)
-    assert stopping.reason(settled)[0] is StopReason.STEP_SMALL
+    assert criteria.reason(settled)[0] is StopReason.STEP_SMALL
 
 
 @pytest.mark.parametrize(
@@ -191,4 +191,4 @@ def test_too_long_is_no_convergence():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        IcpStopping(**settings)
+        IcpConvergenceCriteria(**settings)

@@ -3,9 +3,9 @@ import pytest
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
-from scanlock.optimisation.objectives.constraints import FREE, PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
 from scanlock.registration.methods.coarse_to_fine import Scale
-from scanlock.registration.methods.multi_start import Descents
+from scanlock.registration.methods.multi_start import MultiStart
 from scanlock.registration.search.hypothesis import Hypothesis
 
 _TRUTH = yaw_pose(0.7, (3.0, -2.0, 0.2))
@@ -23,13 +23,13 @@ _WRONG = _hypothesis(1.5, (4.0, 0.0, 0.0))
 
 
 def _follow(hypotheses, plausibility=lambda pose: 1.0, **settings):
-    return Descents(**settings).follow(_TARGET, _SOURCE, hypotheses, FREE, plausibility)
+    return MultiStart(**settings).follow(_TARGET, _SOURCE, hypotheses, UNCONSTRAINED, plausibility)
 
 
 def test_a_hypothesis_close_by_ends_at_the_truth():
     [ended], history = _follow([_NEAR])
     assert ended.solution.pose.is_close(_TRUTH, translation=1e-5, rotation=1e-6)
-    assert ended.maker == _NEAR.maker
+    assert ended.proposed_by == _NEAR.proposed_by
     assert history[0].pose == _NEAR.pose
     assert len(history) >= len(ended.solution.history) + 2
 
@@ -41,11 +41,11 @@ def test_two_that_end_in_one_place_are_one():
 
 def test_the_worse_is_given_up_or_kept_behind_the_better():
     ended, _ = _follow([_WRONG, _NEAR])
-    assert [one.maker for one in ended] == [_NEAR.maker]
+    assert [one.proposed_by for one in ended] == [_NEAR.proposed_by]
     ended, _ = _follow([_WRONG, _NEAR], least_share=0.0)
-    assert [one.maker for one in ended] == [_NEAR.maker, _WRONG.maker]
+    assert [one.proposed_by for one in ended] == [_NEAR.proposed_by, _WRONG.proposed_by]
     ended, _ = _follow([_WRONG, _NEAR], least_share=0.0, most=1)
-    assert [one.maker for one in ended] == [_NEAR.maker]
+    assert [one.proposed_by for one in ended] == [_NEAR.proposed_by]
 
 
 def test_what_is_implausible_is_given_up():
@@ -53,14 +53,14 @@ def test_what_is_implausible_is_given_up():
         return 1e-6 if pose.distance(_TRUTH)[0] < 0.5 else 1.0
 
     ended, _ = _follow([_WRONG, _NEAR], plausibility)
-    assert [one.maker for one in ended] == [_WRONG.maker]
+    assert [one.proposed_by for one in ended] == [_WRONG.proposed_by]
 
 
 def test_a_prior_that_outweighs_the_scans_leaves_the_best():
     believed = PosePrior.from_deviations(yaw_pose(0.0, (0.0, 0.0, 9.0)) @ _TRUTH, 0.3, 0.1)
     # The height is locked, so that no descent can give in to it.
-    restraint = Restraint(dof="xy+yaw", prior=believed)
-    ended, _ = Descents().follow(_TARGET, _SOURCE, [_NEAR], restraint, lambda pose: 1.0)
+    constraints = Constraints(dof="xy+yaw", prior=believed)
+    ended, _ = MultiStart().follow(_TARGET, _SOURCE, [_NEAR], constraints, lambda pose: 1.0)
     assert len(ended) == 1
     assert ended[0].solution.quadratic.value > 0.0
 
@@ -84,10 +84,12 @@ def test_where_nothing_meets_nothing_ends():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        Descents(**settings)
+        MultiStart(**settings)
 
 
 def test_scales_are_those_of_the_settings():
-    single = Descents(scales=(Scale(blur=2.0, largest_radius=3.0),))
-    ended, history = single.follow(_TARGET[:1], _SOURCE[:1], [_NEAR], FREE, lambda pose: 1.0)
+    single = MultiStart(scales=(Scale(blur=2.0, max_radius=3.0),))
+    ended, history = single.follow(
+        _TARGET[:1], _SOURCE[:1], [_NEAR], UNCONSTRAINED, lambda pose: 1.0
+    )
     assert len(history) == len(ended[0].solution.history)

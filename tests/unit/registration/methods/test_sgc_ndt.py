@@ -38,7 +38,7 @@ def test_a_blurred_score_is_much_the_same_with_merged_gaussians():
         merged = parts.merged(2.0 * blur, 0.5)
         assert len(merged) < 0.5 * len(parts)
         apart = [
-            GaussiansToGaussians(target=one.widened(blur), source=one.widened(blur))
+            GaussiansToGaussians(target=one.inflated(blur), source=one.inflated(blur))
             for one in (parts, merged)
         ]
         # Weights are scaled to unit length on their own, so values compare to the best one.

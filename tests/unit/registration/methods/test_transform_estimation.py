@@ -11,9 +11,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun
 from scanlock.geometry.rotations import log_rotation
 from scanlock.models.gaussians import unpacked
-from scanlock.optimisation.objectives.constraints import FREE, PosePrior, Restraint
-from scanlock.registration.methods.correspondences import Pairs
-from scanlock.registration.methods.transform_estimation import PairFit
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
+from scanlock.registration.methods.correspondences import Correspondences
+from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _POSE = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.4, 0.9]))
 _START = _POSE.retract(np.array([0.4, -0.3, 0.2, 0.05, -0.03, 0.08]))
@@ -31,7 +31,7 @@ def _covariances(rng, count):
 
 
 def _pairs(rows, weights=None):
-    return Pairs(
+    return Correspondences(
         np.array(rows[0]), np.array(rows[1]), np.ones(len(rows[0])) if weights is None else weights,
         0.1, 1.0,
     )  # fmt: skip
@@ -58,12 +58,14 @@ def _gaps(target, source, pairs, pose):
     return pose.apply(source.points)[pairs.source_rows] - target.points[pairs.target_rows]
 
 
-def _fitted(fit, scene, restraint=FREE, start=_START, steps=1):
+def _fitted(fit, scene, constraints=UNCONSTRAINED, start=_START, steps=1):
     """Where some steps on the same pairs lead, and the last note."""
     target, source, pairs = scene
     objective, pose, note = fit.objective(target, source, pairs, start), start, ""
     for _ in range(steps):
-        pose, note = fit.moved(objective, restraint.on(objective).linearise(pose), pose, restraint)
+        pose, note = fit.moved(
+            objective, constraints.on(objective).linearise(pose), pose, constraints
+        )
     return pose, note
 
 
@@ -71,7 +73,9 @@ def _fitted(fit, scene, restraint=FREE, start=_START, steps=1):
 @pytest.mark.parametrize("deviation", [0.1, 0.5])
 def test_distances_cost_their_squares_over_the_variance(step, deviation):
     target, source, pairs = _scene()
-    objective = PairFit(step=step, deviation=deviation).objective(target, source, pairs, _START)
+    objective = TransformEstimation(step=step, deviation=deviation).objective(
+        target, source, pairs, _START
+    )
     squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
     expected = 0.5 * np.mean(pairs.weights * squares / deviation**2)
     # The weights are settled where the pairs were made; the cost is that of any pose.
@@ -81,7 +85,7 @@ def test_distances_cost_their_squares_over_the_variance(step, deviation):
 
 def test_planes_cost_only_what_lies_along_the_normal_of_the_target():
     target, source, pairs = _scene()
-    fit = PairFit(step="gauss-newton", residual="point-to-plane", deviation=0.3)
+    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane", deviation=0.3)
     normals = target.normals[pairs.target_rows]
     offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
     expected = 0.5 * np.mean(pairs.weights * offsets**2) / 0.3**2
@@ -98,7 +102,7 @@ def _pair_covariances(target, source, pairs):
 @_with_each_closed_form
 def test_closed_forms_weigh_noise_and_sampling_by_their_mean_variance(step):
     target, source, pairs = _scene(is_noisy=True)
-    found = PairFit(step=step, deviation=0.05).objective(target, source, pairs, _START)
+    found = TransformEstimation(step=step, deviation=0.05).objective(target, source, pairs, _START)
     squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
     variances = np.trace(_pair_covariances(target, source, pairs), axis1=1, axis2=2) / 3.0 + 0.05**2
     expected = 0.5 * np.mean(pairs.weights * squares / variances)
@@ -107,7 +111,7 @@ def test_closed_forms_weigh_noise_and_sampling_by_their_mean_variance(step):
 
 def test_gauss_and_newton_weigh_noise_and_sampling_by_the_whole_covariance():
     target, source, pairs = _scene(is_noisy=True)
-    fit = PairFit(step="gauss-newton", deviation=0.05)
+    fit = TransformEstimation(step="gauss-newton", deviation=0.05)
     gaps = _gaps(target, source, pairs, _POSE)
     inverses = np.linalg.inv(_pair_covariances(target, source, pairs) + 0.05**2 * np.eye(3))
     expected = 0.5 * np.mean(pairs.weights * np.einsum("mi,mij,mj->m", gaps, inverses, gaps))
@@ -117,7 +121,7 @@ def test_gauss_and_newton_weigh_noise_and_sampling_by_the_whole_covariance():
 
 def test_planes_weigh_noise_by_its_variance_along_the_normal():
     target, source, pairs = _scene(is_noisy=True)
-    fit = PairFit(step="gauss-newton", residual="point-to-plane", deviation=7.0)
+    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane", deviation=7.0)
     normals = target.normals[pairs.target_rows]
     offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
     both = _pair_covariances(target, source, pairs)
@@ -130,36 +134,36 @@ def test_planes_weigh_noise_by_its_variance_along_the_normal():
 @_with_each_closed_form
 def test_a_closed_form_is_at_the_minimum_in_one_step(step):
     target, source, pairs = _scene(noise=0.3)
-    found, note = _fitted(PairFit(step=step), (target, source, pairs))
+    found, note = _fitted(TransformEstimation(step=step), (target, source, pairs))
     rows = target.points[pairs.target_rows], source.points[pairs.source_rows]
     expected = fit_arun(*rows, pairs.weights)
     assert note == ""
     assert found.is_close(expected, translation=1e-12, rotation=1e-12)
     # Weights matter here, or the line above would say nothing of them.
     assert found.distance(fit_arun(*rows))[0] > 1e-3
-    clean, _ = _fitted(PairFit(step=step), _scene(noise=0.0))
+    clean, _ = _fitted(TransformEstimation(step=step), _scene(noise=0.0))
     assert clean.is_close(_POSE, translation=1e-12, rotation=1e-12)
 
 
 def test_each_closed_form_is_the_one_it_is_called():
     target, source, pairs = _scene(noise=0.3)
     rows = target.points[pairs.target_rows], _START.apply(source.points[pairs.source_rows])
-    objective = PairFit().objective(target, source, pairs, _START)
+    objective = TransformEstimation().objective(target, source, pairs, _START)
     moments = PairMoments.of(*rows, objective.precisions[:, 0])
     # They differ by rounding alone, so only equality to the bit tells them apart.
     forms = {"svd": moments.by_singular_values(), "quaternion": moments.by_quaternion()}
     assert forms["svd"] != forms["quaternion"]
     for step, form in forms.items():
-        assert _fitted(PairFit(step=step), (target, source, pairs))[0] == form @ _START
+        assert _fitted(TransformEstimation(step=step), (target, source, pairs))[0] == form @ _START
 
 
 def test_steps_of_gauss_and_newton_end_where_the_closed_form_is():
     scene = _scene(noise=0.3)
-    closed, _ = _fitted(PairFit(step="svd"), scene)
-    first, note = _fitted(PairFit(step="gauss-newton"), scene)
+    closed, _ = _fitted(TransformEstimation(step="svd"), scene)
+    first, note = _fitted(TransformEstimation(step="gauss-newton"), scene)
     assert note == ""
     assert first.distance(closed)[0] > 1e-4
-    settled, _ = _fitted(PairFit(step="gauss-newton"), scene, steps=20)
+    settled, _ = _fitted(TransformEstimation(step="gauss-newton"), scene, steps=20)
     assert settled.is_close(closed, translation=1e-10, rotation=1e-11)
 
 
@@ -172,14 +176,15 @@ def test_pairs_of_no_weight_pull_nothing(step):
     some = _pairs((pairs.target_rows[kept], pairs.source_rows[kept]), weights[kept])
     all_pairs = _pairs((pairs.target_rows, pairs.source_rows), weights)
     found, expected = (
-        _fitted(PairFit(step=step), (target, source, one))[0] for one in (all_pairs, some)
+        _fitted(TransformEstimation(step=step), (target, source, one))[0]
+        for one in (all_pairs, some)
     )
     assert found.is_close(expected, translation=1e-10, rotation=1e-10)
 
 
 def test_planes_find_a_known_motion():
     scene = _scene(noise=0.0, count=60)
-    fit = PairFit(step="gauss-newton", residual="point-to-plane")
+    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane")
     found, note = _fitted(fit, scene, steps=8)
     assert note == ""
     assert found.is_close(_POSE, translation=1e-9, rotation=1e-10)
@@ -205,9 +210,12 @@ def _best_of(dof, scene, start):
 @_with_each_step
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
 def test_locked_directions_stay_and_the_others_are_at_their_best(step, dof):
-    scene, restraint = _scene(noise=0.2), Restraint(dof=dof)
+    scene, constraints = _scene(noise=0.2), Constraints(dof=dof)
     found, note = _fitted(
-        PairFit(step=step), scene, restraint, steps=20 if step == "gauss-newton" else 1
+        TransformEstimation(step=step),
+        scene,
+        constraints,
+        steps=20 if step == "gauss-newton" else 1,
     )
     assert note == ""
     expected = _best_of(dof, scene, _START)
@@ -229,12 +237,12 @@ def test_pairs_on_a_line_are_fitted_without_a_turn_about_it(step):
     source = np.linspace(-10.0, 10.0, 25)[:, None] * [0.0, 0.6, 0.8]
     rows = np.arange(25), np.arange(25)
     scene = point_scan(truth.apply(source)), point_scan(source), _pairs(rows)
-    found, note = _fitted(PairFit(step=step), scene, start=start)
+    found, note = _fitted(TransformEstimation(step=step), scene, start=start)
     assert note == _ON_A_LINE
     turn = log_rotation(found.rotation @ start.rotation.T)
     assert abs(turn @ start.rotation @ [0.0, 0.6, 0.8]) < 1e-9
     assert np.linalg.norm(turn) > 0.05
-    settled, _ = _fitted(PairFit(step=step), scene, start=start, steps=8)
+    settled, _ = _fitted(TransformEstimation(step=step), scene, start=start, steps=8)
     np.testing.assert_allclose(_gaps(*scene, settled), 0.0, atol=1e-9)
 
 
@@ -244,7 +252,7 @@ def test_pairs_on_an_upright_line_hold_no_yaw(dof):
     upright = _START.inverse().apply(np.linspace(-2.0, 2.0, 25)[:, None] * [0.0, 0.0, 1.0])
     target = _START.apply(upright) + np.array([0.3, 0.1, 0.2])
     scene = point_scan(target), point_scan(upright), _pairs((np.arange(25), np.arange(25)))
-    found, note = _fitted(PairFit(), scene, Restraint(dof=dof))
+    found, note = _fitted(TransformEstimation(), scene, Constraints(dof=dof))
     assert note == _ON_A_LINE
     assert found.distance(_START)[1] < 1e-9
     moved = found.translation - _START.translation
@@ -254,24 +262,26 @@ def test_pairs_on_an_upright_line_hold_no_yaw(dof):
 @_with_each_closed_form
 def test_a_prior_is_heeded_by_steps_of_gauss_and_newton(step):
     scene = _scene()
-    restraint = Restraint(prior=PosePrior.from_deviations(_START, 0.01, 0.001))
-    found, note = _fitted(PairFit(step=step), scene, restraint, steps=3)
+    constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.01, 0.001))
+    found, note = _fitted(TransformEstimation(step=step), scene, constraints, steps=3)
     assert note == "no closed form heeds a prior: steps of Gauss and Newton instead"
-    newton, silence = _fitted(PairFit(step="gauss-newton"), scene, restraint, steps=3)
+    newton, silence = _fitted(TransformEstimation(step="gauss-newton"), scene, constraints, steps=3)
     assert silence == ""
     assert found == newton
-    free, _ = _fitted(PairFit(step=step), scene)
+    free, _ = _fitted(TransformEstimation(step=step), scene)
     assert free.distance(found)[0] > 0.1
 
 
 def test_a_prior_weighs_against_the_deviation_of_a_pair():
     scene = _scene()
-    restraint = Restraint(prior=PosePrior.from_deviations(_START, 0.1, 0.01))
+    constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.1, 0.01))
     sure, unsure = (
-        _fitted(PairFit(step="gauss-newton", deviation=one), scene, restraint, steps=10)[0]
+        _fitted(
+            TransformEstimation(step="gauss-newton", deviation=one), scene, constraints, steps=10
+        )[0]
         for one in (1e-4, 1e3)
     )
-    free, _ = _fitted(PairFit(), scene)
+    free, _ = _fitted(TransformEstimation(), scene)
     assert sure.is_close(free, translation=1e-3, rotation=1e-4)
     assert unsure.is_close(_START, translation=1e-3, rotation=1e-4)
 
@@ -289,4 +299,4 @@ def test_a_prior_weighs_against_the_deviation_of_a_pair():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        PairFit(**settings)
+        TransformEstimation(**settings)

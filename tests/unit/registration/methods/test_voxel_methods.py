@@ -2,15 +2,15 @@ import pickle
 
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.constraints import Restraint
+from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
-from scanlock.optimisation.solvers.stopping import StopReason
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
@@ -39,12 +39,12 @@ _VARIANTS = {
 }
 
 
-def _align(method, motion, start=None, restraint=None):
+def _align(method, motion, start=None, constraints=None):
     stays, moves = (
         method.prepare(PointCloud.from_array(scan))
         for scan in (street(1), motion.inverse().apply(street(2)))
     )
-    return method.align(stays, moves, start or Pose.identity(), restraint or Restraint())
+    return method.align(stays, moves, start or Pose.identity(), constraints or Constraints())
 
 
 @pytest.mark.parametrize("name", _DEFAULTS | _VARIANTS)
@@ -71,7 +71,7 @@ def test_published_settings_work_from_near_and_not_from_far(name):
 @pytest.mark.parametrize("name", _DEFAULTS)
 def test_a_restraint_holds_at_every_scale(name):
     start = Pose.from_step(np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]))
-    found = _align(_DEFAULTS[name], _NEAR, start, Restraint(dof="xy+yaw"))
+    found = _align(_DEFAULTS[name], _NEAR, start, Constraints(dof="xy+yaw"))
     for entry in found.history:
         np.testing.assert_allclose(entry.pose.translation[2], 0.1, atol=1e-12)
         np.testing.assert_allclose(entry.pose.rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
@@ -82,7 +82,7 @@ def test_a_restraint_holds_at_every_scale(name):
 def test_scans_out_of_reach_give_the_start_back(name):
     start = yaw_pose(0.1, (500.0, 0.0, 0.0))
     found = _align(_DEFAULTS[name], _NEAR, start)
-    assert found.reason is StopReason.NO_SUPPORT
+    assert found.reason is StopReason.EMPTY_OBJECTIVE
     assert found.pose == start
 
 
@@ -91,9 +91,9 @@ def test_too_few_points_are_a_shortage_and_not_an_error(name):
     method = (_DEFAULTS | _PUBLISHED)[name]
     for scan in (np.ones((1, 3)), np.full((500, 3), 2.5), np.zeros((50, 3))):
         kept = method.prepare(PointCloud.from_array(scan))
-        assert "needed" in kept.shortage
+        assert "needed" in kept.insufficient
     enough = method.prepare(PointCloud.from_array(street(1)))
-    assert enough.shortage == ""
+    assert enough.insufficient == ""
     assert "Gaussians" in enough.notes[0]
     assert sum(enough.timings.values()) > 0.0
 
@@ -136,7 +136,7 @@ def test_identical_scans_are_stationary_for_d2d():
 def test_the_settings_of_the_papers():
     das, stoyanov = _PUBLISHED["das2013"], _PUBLISHED["stoyanov2012"]
     assert (das.widths, das.meeting, das.spacing) == ((3.0,), "own-cell", 0.0)
-    assert das.solver.stopping.gradient == das.solver.stopping.step == 1e-6
+    assert das.solver.criteria.gradient == das.solver.criteria.step == 1e-6
     assert stoyanov.widths == (2.0, 1.0, 0.5)
     assert stoyanov.shape == ScoreShape(sharpness=0.05)
 
@@ -147,7 +147,7 @@ def test_settings_and_what_is_kept_survive_a_pickle(method):
     assert hash(method) == hash(pickle.loads(pickle.dumps(method)))
     kept = pickle.loads(pickle.dumps(method.prepare(PointCloud.from_array(street(1)))))
     assert isinstance(kept, VoxelScan) or kept.gaussians
-    assert kept.shortage == ""
+    assert kept.insufficient == ""
 
 
 @pytest.mark.parametrize(

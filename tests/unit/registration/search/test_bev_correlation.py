@@ -8,13 +8,13 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.registration.search.bev_correlation import HeadingSearch
-from scanlock.registration.search.bev_grid import PlanView
+from scanlock.registration.search.bev_correlation import BevSearch
+from scanlock.registration.search.bev_grid import BevGrid
 from scanlock.registration.search.ground_alignment import ground_fitted
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.simulation import scan_pair
 
-_SEARCH = HeadingSearch()
+_SEARCH = BevSearch()
 
 
 def _view(points, search=_SEARCH):
@@ -35,7 +35,7 @@ def test_any_heading_and_shift_is_found_first(turn):
     found = _SEARCH.hypotheses(_view(street(1)), _view(truth.inverse().apply(street(2))))
     _assert_near(found[0].pose, truth)
     assert found[0].weight == 1.0
-    assert found[0].maker == "heading search"
+    assert found[0].proposed_by == "heading search"
 
 
 def test_sensors_may_tilt():
@@ -65,7 +65,7 @@ def test_small_rooms_get_small_cells():
 @pytest.mark.parametrize("turn", [0.3, 0.5 * math.pi, math.pi - 0.03, -0.5 * math.pi + 0.04])
 def test_hypotheses_are_distinct_and_best_first(turn):
     # A peak at a right angle has neighbours in two quarters of the circle.
-    search = HeadingSearch(least_share=0.0)
+    search = BevSearch(least_share=0.0)
     truth = yaw_pose(turn, (12.0, -7.0, 0.3))
     found = search.hypotheses(_view(street(1)), _view(truth.inverse().apply(street(2))))
     assert len(found) == search.most
@@ -78,7 +78,7 @@ def test_hypotheses_are_distinct_and_best_first(turn):
 
 
 def test_a_scan_that_shows_nothing_has_no_hypothesis():
-    empty = PlanView(
+    empty = BevGrid(
         Pose.identity(), False, np.empty((0, 2)), np.empty(0), np.empty((0, 2)),
         np.full((2, 2), np.nan), 2.0,
     )  # fmt: skip
@@ -89,7 +89,7 @@ def test_a_scan_that_shows_nothing_has_no_hypothesis():
 
 def test_whitening_by_the_root_is_the_power_of_a_half():
     views = _view(street(1)), _view(street(2))
-    near = HeadingSearch(whitening=0.5 + 1e-12)
+    near = BevSearch(whitening=0.5 + 1e-12)
     for one, other in zip(_SEARCH.hypotheses(*views), near.hypotheses(*views), strict=True):
         assert one.pose == other.pose
         assert one.weight == pytest.approx(other.weight, abs=1e-3)
@@ -153,4 +153,4 @@ def test_without_shared_ground_a_hypothesis_stays_as_it_was():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        HeadingSearch(**settings)
+        BevSearch(**settings)

@@ -11,13 +11,13 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.bev_grid import column_slots, columns_and_ground
 from scanlock.kernels.search.rotated_grids import turned_maps
-from scanlock.registration.search.bev_grid import PlanViewer, level_pose
+from scanlock.registration.search.bev_grid import BevGridder, level_pose
 from scanlock.segmentation.ground.finder import Ground, GroundFinder, GroundStatus
 
 
 def _view(points, **settings):
     cloud = PointCloud.from_array(points)
-    return PlanViewer(**settings).view(cloud, GroundFinder().find(cloud))
+    return BevGridder(**settings).view(cloud, GroundFinder().find(cloud))
 
 
 def test_columns_are_those_of_the_definition():
@@ -103,7 +103,7 @@ def test_without_ground_z_is_up_and_the_low_points_are_at_zero():
     pose = level_pose(cloud, none)
     np.testing.assert_array_equal(pose.rotation, np.eye(3))
     assert 0.01 < np.mean(pose.apply(cloud.points)[:, 2] < 0.0) < 0.03
-    view = PlanViewer().view(cloud, none)
+    view = BevGridder().view(cloud, none)
     assert not view.has_ground
     assert none.status is GroundStatus.NONE
     assert len(view.open_columns) == 0
@@ -122,4 +122,4 @@ def test_without_ground_z_is_up_and_the_low_points_are_at_zero():
 )
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
-        PlanViewer(**settings)
+        BevGridder(**settings)

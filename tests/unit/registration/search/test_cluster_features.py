@@ -5,7 +5,7 @@ from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.search.cluster_features import ClusterFeatures, PartKind
+from scanlock.registration.search.cluster_features import ClusterFeatures, ClusterKind
 
 
 def _part(*deviations, centre=(4.0, 5.0, 2.0)):
@@ -17,10 +17,10 @@ def _part(*deviations, centre=(4.0, 5.0, 2.0)):
 @pytest.mark.parametrize(
     ("deviations", "kind", "axis"),
     [
-        ((0.1, 0.1, 1.5), PartKind.THIN, [0, 0, 1]),
-        ((2.0, 0.3, 0.1), PartKind.THIN, [1, 0, 0]),
-        ((1.5, 0.1, 1.0), PartKind.FLAT, [0, 1, 0]),
-        ((0.5, 0.6, 0.4), PartKind.ROUND, [0, 0, 0]),
+        ((0.1, 0.1, 1.5), ClusterKind.THIN, [0, 0, 1]),
+        ((2.0, 0.3, 0.1), ClusterKind.THIN, [1, 0, 0]),
+        ((1.5, 0.1, 1.0), ClusterKind.FLAT, [0, 1, 0]),
+        ((0.5, 0.6, 0.4), ClusterKind.ROUND, [0, 0, 0]),
     ],
 )
 def test_parts_are_thin_flat_or_round(deviations, kind, axis):
@@ -56,7 +56,7 @@ def test_shapes_and_kinds_survive_any_rotation():
     pose = Pose(exp_rotation(np.array([0.5, -1.0, 2.0])), np.array([3.0, 4.0, 5.0]))
     one, other = ClusterFeatures.of(parts), ClusterFeatures.of(parts, pose)
     assert len(one) == 60
-    assert set(one.kinds.tolist()) == set(PartKind)
+    assert set(one.kinds.tolist()) == set(ClusterKind)
     np.testing.assert_array_equal(one.kinds, other.kinds)
     np.testing.assert_allclose(one.shapes, other.shapes, atol=1e-9)
     turned = one.axes @ pose.rotation.T

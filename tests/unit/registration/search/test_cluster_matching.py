@@ -10,7 +10,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, rotation_onto_z
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.search.cluster_matching import ClusterMatcher
-from scanlock.segmentation.cluster_gaussians import LandmarkFinder
+from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.simulation import scan_pair
 
@@ -51,7 +51,7 @@ def test_level_scans_are_found_at_any_heading(turn):
     target = _MATCHER.describe(_world(), level)
     found = _MATCHER.hypotheses(target, _MATCHER.describe(_seen_from(_world(), truth), level))
     _assert_near(found[0].pose, truth)
-    assert found[0].maker == "cluster matching"
+    assert found[0].proposed_by == "cluster matching"
 
 
 def test_level_frames_are_undone_in_the_pose():
@@ -95,7 +95,7 @@ def test_parts_of_another_size_are_no_match():
 def _scan_features(points, is_level):
     cloud = PointCloud.from_array(points)
     ground = GroundFinder().find(cloud)
-    parts = LandmarkFinder().find_above(cloud, ground, [3.0]).gaussians[0]
+    parts = ClusterGaussianExtractor().find_above(cloud, ground, [3.0]).gaussians[0]
     height = np.array([0.0, 0.0, ground.sensor_height])
     level = Pose(rotation_onto_z(ground.up), height) if is_level else None
     return _MATCHER.describe(parts, level)

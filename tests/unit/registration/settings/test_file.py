@@ -3,13 +3,13 @@ import tomllib
 from dataclasses import dataclass, replace
 
 import pytest
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
-from scanlock.optimisation.solvers.stopping import Stopping
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine, Scale
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.sgc_ndt import SgcNdt
@@ -20,14 +20,14 @@ from scanlock.registration.settings.file import (
     settings_to_toml,
     write_settings,
 )
-from scanlock.segmentation.cluster_gaussians import LandmarkFinder
+from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 from scanlock.segmentation.clusters import ClusterFinder, L2Distance
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import Segmenter
 
 
 def _with_segmenter(**parts):
-    return SgcNdt(landmarks=LandmarkFinder(segmenter=Segmenter(**parts)))
+    return SgcNdt(landmarks=ClusterGaussianExtractor(segmenter=Segmenter(**parts)))
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -45,7 +45,9 @@ def test_every_method_comes_back_the_same(name):
         SgcNdt(schedule=CoarseToFine(solver=Bfgs(line_search=MoreThuente(flatness=0.1 + 0.2)))),
         SgcNdt(
             score="p2d",
-            schedule=CoarseToFine(solver=LevenbergMarquardt(stopping=Stopping(step=1e-300))),
+            schedule=CoarseToFine(
+                solver=LevenbergMarquardt(criteria=ConvergenceCriteria(step=1e-300))
+            ),
         ),
         _with_segmenter(clusters=ClusterFinder(merge=L2Distance())),
         _with_segmenter(ground=GroundFinder.das2013()),
@@ -75,16 +77,16 @@ def test_a_part_that_is_touched_keeps_the_rest_of_its_default():
         'method = "gicp"\n[solver]\ntype = "LevenbergMarquardt"',
     ):
         found = settings_from_toml(f"{head}\nlever = 5.0")
-        assert found == Gicp(solver=replace(default, lever=5.0))
+        assert found == Gicp(solver=replace(default, rotation_scale=5.0))
     other = settings_from_toml('type = "Gicp"\n[solver]\ntype = "Newton"\nlever = 5.0')
-    assert other == Gicp(solver=Newton(lever=5.0))
+    assert other == Gicp(solver=Newton(rotation_scale=5.0))
 
 
 def test_a_list_of_tables_is_all_there_is():
     found = settings_from_toml(
         'type = "SgcNdt"\n[[schedule.scales]]\nblur = 2\nlargest_radius = 3\nis_entry = true\n'
     )
-    assert found.schedule.scales == (Scale(blur=2.0, largest_radius=3.0, is_entry=True),)
+    assert found.schedule.scales == (Scale(blur=2.0, max_radius=3.0, is_entry=True),)
 
 
 def test_none_is_written_where_the_default_is_something():

@@ -54,8 +54,8 @@ def test_a_protocol_allows_the_settings_beside_it_that_keep_it():
         clusters.L2Distance,
         clusters.GaussianFit,
     )
-    assert gates.AdaptiveGate in allowed(gates.Gate).classes
-    assert not any(kind.__name__ == "Gate" for kind in allowed(gates.Gate).classes)
+    assert gates.AdaptiveRejection in allowed(gates.Rejection).classes
+    assert not any(kind.__name__ == "Gate" for kind in allowed(gates.Rejection).classes)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference import jackknife as reference
 from reference.samples import street, yaw_pose
@@ -7,18 +8,17 @@ from scanlock.arrays import read_only
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat, log_rotation
-from scanlock.optimisation.objectives.constraints import FREE, PosePrior, Restraint
+from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
 from scanlock.optimisation.objectives.point_pairs import PointPairs, plane_precisions
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.optimisation.solvers.stopping import StopReason
-from scanlock.registration.methods.calibration import deviation_factor
+from scanlock.registration.methods.calibration import covariance_factor
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
-from scanlock.registration.uncertainty.estimators import Uncertainty
+from scanlock.registration.uncertainty.estimators import CovarianceEstimator
 
 _METHOD = NdtD2d(widths=(4.0, 2.0))
 _MOTION = yaw_pose(0.2, (0.8, -0.3, 0.1))
@@ -50,15 +50,15 @@ def _planes(seed, count=600, deviation=0.05, units=40, at=None):
     return objective, pose
 
 
-def _solved(objective: Objective, pose: Pose, restraint=FREE):
-    held = restraint.on(objective)
+def _solved(objective: Objective, pose: Pose, constraints=UNCONSTRAINED):
+    held = constraints.on(objective)
     for _ in range(4):
         pose = pose.retract(gauss_newton_step(held.linearise(pose), 20.0))
     return Solution(pose, held.linearise(pose), StopReason.STEP_SMALL, (), (), held)
 
 
 def _told(solution, factor=1.0, tilt=1.0, **settings):
-    found = Uncertainty(tilt=tilt, **settings).of(solution, factor, _never)
+    found = CovarianceEstimator(tilt=tilt, **settings).of(solution, factor, _never)
     assert not isinstance(found, str), found
     return found
 
@@ -153,10 +153,10 @@ def test_a_prior_adds_what_it_knows():
     free = _told(_solved(objective, start))[0]
     vague = PosePrior.from_deviations(start, 1e3, 1e3)
     np.testing.assert_allclose(
-        _told(_solved(objective, start, Restraint(prior=vague)))[0], free, rtol=1e-3, atol=1e-12
+        _told(_solved(objective, start, Constraints(prior=vague)))[0], free, rtol=1e-3, atol=1e-12
     )
     sure = PosePrior.from_deviations(start, 1e-5, 1e-6)
-    held = _told(_solved(objective, start, Restraint(prior=sure)), floor=1e-9)[0]
+    held = _told(_solved(objective, start, Constraints(prior=sure)), floor=1e-9)[0]
     np.testing.assert_allclose(np.sqrt(np.diag(held)), np.repeat([1e-5, 1e-6], 3), rtol=0.05)
 
 
@@ -164,7 +164,7 @@ def test_a_prior_adds_what_it_knows():
 @pytest.mark.parametrize("way", ["sandwich", "hessian"])
 def test_locked_directions_have_no_variance(dof, locked, way):
     objective, start = _planes(7)
-    matrix, _ = _told(_solved(objective, start, Restraint(dof=dof)), way=way)
+    matrix, _ = _told(_solved(objective, start, Constraints(dof=dof)), way=way)
     free = [row for row in range(6) if row not in locked]
     assert not matrix[locked].any()
     assert not matrix[:, locked].any()
@@ -212,7 +212,7 @@ def test_starts_that_end_elsewhere_widen_it():
             solution.quadratic, StopReason.STEP_SMALL, (),
         )  # fmt: skip
 
-    found = Uncertainty(way="sampled").of(solution, 1.0, elsewhere)
+    found = CovarianceEstimator(way="sampled").of(solution, 1.0, elsewhere)
     assert not isinstance(found, str)
     assert np.sqrt(found[0][0, 0]) == pytest.approx(2.0 / np.sqrt(6.0), rel=1e-3)
     assert np.sqrt(found[0][1, 1]) < 0.1
@@ -241,7 +241,7 @@ def test_where_nothing_meets_the_notes_say_so(scans):
 
 def test_too_few_places_are_said_to_be():
     objective, start = _planes(9)
-    found = Uncertainty(least_units=2000).of(_solved(objective, start), 1.0, _never)
+    found = CovarianceEstimator(least_units=2000).of(_solved(objective, start), 1.0, _never)
     assert found == "fewer than 2000 separate places of the scene met"
 
 
@@ -255,7 +255,10 @@ def test_a_direction_that_nothing_holds_is_said_to_be_open():
     solution = Solution(
         Pose.identity(), wall.linearise(Pose.identity()), StopReason.STEP_SMALL, (), (), wall
     )
-    assert Uncertainty().of(solution, 1.0, _never) == "the minimum is open along some direction"
+    assert (
+        CovarianceEstimator().of(solution, 1.0, _never)
+        == "the minimum is open along some direction"
+    )
 
 
 def test_an_objective_without_shares_tells_nothing():
@@ -267,7 +270,7 @@ def test_an_objective_without_shares_tells_nothing():
 
     quadratic = _planes(1)[0].linearise(Pose.identity())
     solution = Solution(Pose.identity(), quadratic, StopReason.STEP_SMALL, (), (), Whole())
-    assert "shares" in str(Uncertainty().of(solution, 1.0, _never))
+    assert "shares" in str(CovarianceEstimator().of(solution, 1.0, _never))
 
 
 @pytest.mark.parametrize(
@@ -284,7 +287,7 @@ def test_an_objective_without_shares_tells_nothing():
 )
 def test_settings_that_make_no_sense_are_refused(wrong):
     with pytest.raises(InvalidInput, match=next(iter(wrong)).replace("way", "covariance")):
-        Uncertainty(**wrong)
+        CovarianceEstimator(**wrong)
 
 
 def test_an_unknown_way_is_refused_by_register(scans):
@@ -294,14 +297,14 @@ def test_an_unknown_way_is_refused_by_register(scans):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_has_a_factor_and_a_covariance(name):
-    assert 0.5 < deviation_factor(METHODS[name]) < 10.0
+    assert 0.5 < covariance_factor(METHODS[name]) < 10.0
     target, source = street(1, 4000), _MOTION.inverse().apply(street(2, 4000))
     result = register(source, target, method=name, initial=_MOTION, covariance="sandwich")
     assert result.covariance is not None, result.notes
 
 
 def test_settings_never_measured_have_no_factor():
-    assert deviation_factor(object()) == 1.0
+    assert covariance_factor(object()) == 1.0
 
 
 def test_map_coordinates_speak_about_the_middle_of_the_source():

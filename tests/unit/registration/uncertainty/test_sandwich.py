@@ -3,7 +3,7 @@ import pytest
 
 from reference import jackknife as reference
 from scanlock.registration.uncertainty.sandwich import (
-    Shares,
+    BlockTerms,
     jackknife,
     root_of,
     sandwich,
@@ -27,7 +27,7 @@ def _regression(seed, count=240, size=4, units=30):
 def _shares(jacobians, residuals, weights, units):
     gradients = (weights * residuals)[:, None] * jacobians
     hessians = weights[:, None, None] * jacobians[:, :, None] * jacobians[:, None, :]
-    return Shares(gradients, hessians, (units,))
+    return BlockTerms(gradients, hessians, (units,))
 
 
 def _widened(shares, root):

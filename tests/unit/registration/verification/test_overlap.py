@@ -6,7 +6,7 @@ from reference.meeting import meet
 from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
-from scanlock.registration.verification.overlap import overlaps_and_score, self_score, slide_rivalry
+from scanlock.registration.verification.overlap import overlaps_and_score, self_score, slide_ratio
 
 
 def _pair(seed=0):
@@ -85,8 +85,8 @@ def test_a_fence_slid_by_its_spacing_is_a_rival(turn):
     along, across = pose.rotation[:, 0].copy(), pose.rotation[:, 1].copy()
     moved = fence.transformed(pose)
     # Slid by one spacing, nine of the ten posts stand on another.
-    assert slide_rivalry(moved, fence, pose, along, 0.75) == pytest.approx(0.9, abs=1e-6)
-    assert slide_rivalry(moved, fence, pose, across, 0.75) < 0.03
+    assert slide_ratio(moved, fence, pose, along, 0.75) == pytest.approx(0.9, abs=1e-6)
+    assert slide_ratio(moved, fence, pose, across, 0.75) < 0.03
 
 
 def test_a_slide_counts_only_from_some_way_off():
@@ -94,11 +94,11 @@ def test_a_slide_counts_only_from_some_way_off():
     x = np.array([1.0, 0.0, 0.0])
     # Of a single post all that is left at 0.5 m is the flank of its own score.
     flank = np.exp(-0.5 * 0.5**2 / 0.08)
-    assert slide_rivalry(post, post, Pose.identity(), x, 0.5) == pytest.approx(flank)
-    assert slide_rivalry(post, post, Pose.identity(), x, 0.75) < flank
+    assert slide_ratio(post, post, Pose.identity(), x, 0.5) == pytest.approx(flank)
+    assert slide_ratio(post, post, Pose.identity(), x, 0.75) < flank
 
 
 def test_where_nothing_meets_there_is_no_rivalry():
     post = _posts([[5.0, 0.0, 0.0]])
     away = yaw_pose(0.0, (0.0, 500.0, 0.0))
-    assert np.isnan(slide_rivalry(post, post, away, np.array([1.0, 0.0, 0.0]), 0.75))
+    assert np.isnan(slide_ratio(post, post, away, np.array([1.0, 0.0, 0.0]), 0.75))

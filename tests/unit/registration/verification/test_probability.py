@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from scanlock.registration.verification import probability as confidence
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.observability import HeldDirection
+from scanlock.registration.verification.observability import DirectionObservability
 from scanlock.registration.verification.probability import FEATURES, features, probability
 
 _GOOD = {
@@ -18,10 +18,12 @@ _GOOD = {
 }  # fmt: skip
 
 
-def _directions(turn=0.001, share=0.2):
+def _directions(turn=0.001, ratio=0.2):
     axes = np.eye(3)
     return tuple(
-        HeldDirection(kind, axes[i], share, 0.01 if kind == "translation" else turn / (1 + i))
+        DirectionObservability(
+            kind, axes[i], ratio, 0.01 if kind == "translation" else turn / (1 + i)
+        )
         for kind in ("translation", "rotation")
         for i in range(3)
     )
@@ -79,4 +81,4 @@ def test_what_speaks_for_a_pose_makes_it_more_probable(name, better, worse):
 def test_what_holds_a_pose_makes_it_more_probable():
     firm = probability(Metrics(**_GOOD), _directions(0.001))
     assert probability(Metrics(**_GOOD), _directions(0.01)) < firm
-    assert probability(Metrics(**_GOOD), _directions(0.001, share=0.001)) < firm
+    assert probability(Metrics(**_GOOD), _directions(0.001, ratio=0.001)) < firm

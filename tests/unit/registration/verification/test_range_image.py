@@ -10,7 +10,11 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.verification.range_image import looked_through, nearest_around, nearest_ranges
+from scanlock.kernels.verification.range_image import (
+    free_space_violation,
+    nearest_around,
+    nearest_ranges,
+)
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import is_obstacle
@@ -23,7 +27,9 @@ def _image(points, **settings):
 
 def _share(image, points, pose=None):
     points = read_only(np.asarray(points, float))
-    return image.looked_through(points, pose or Pose.identity(), read_only(np.ones(len(points))))
+    return image.free_space_violation(
+        points, pose or Pose.identity(), read_only(np.ones(len(points)))
+    )
 
 
 def _wall(distance, half=4.0, step=0.05):
@@ -59,7 +65,7 @@ def test_looked_through_is_that_of_the_definition():
     ranges = reference.nearest_ranges(_directions(rng, 900), 9)
     points, weights = _directions(rng, 500), rng.random(500)
     pose = Pose(exp_rotation(np.array([0.2, -0.1, 1.0])), np.array([1.0, -2.0, 0.5]))
-    found = looked_through(
+    found = free_space_violation(
         read_only(ranges),
         read_only(points),
         read_only(weights),
@@ -70,7 +76,7 @@ def test_looked_through_is_that_of_the_definition():
         1.0,
         0.1,
     )
-    expected = reference.looked_through(ranges, points, weights, pose, 0.4, 0.05, 1.0, 0.1)
+    expected = reference.free_space_violation(ranges, points, weights, pose, 0.4, 0.05, 1.0, 0.1)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
     assert 100 < expected[0] < 400
     assert 0.1 < expected[2] / expected[1] < 0.9
@@ -122,7 +128,7 @@ def test_weights_say_what_a_point_counts():
     image = _image(_wall(10.0), least_count=2)
     points = read_only(np.array([[5.0, 0.0, 0.0], [11.0, 0.0, 0.0]]))
     weights = read_only(np.array([1.0, 3.0]))
-    assert image.looked_through(points, Pose.identity(), weights) == 0.25
+    assert image.free_space_violation(points, Pose.identity(), weights) == 0.25
 
 
 def test_a_thin_post_in_the_wall_of_neighbours_is_forgiven():

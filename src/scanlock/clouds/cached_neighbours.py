@@ -11,7 +11,7 @@ from scanlock.kernels.points.point_tree import kept_nearest_rows
 
 
 @dataclass(slots=True, eq=False)
-class KeptNeighbours:
+class CachedNeighbours:
     """The points of a tree, searched again and again for queries that move a little each time.
 
     The answers are those of the tree. Each search also finds how near any other point may be, and
@@ -47,6 +47,6 @@ class KeptNeighbours:
         return rows, distances
 
 
-def kept_neighbours(closest: ClosestPoints) -> ClosestPoints:
+def cached_neighbours(closest: ClosestPoints) -> ClosestPoints:
     """Return the same points to be searched for queries that move little, where that is faster."""
-    return KeptNeighbours(closest) if isinstance(closest, PointTree) else closest
+    return CachedNeighbours(closest) if isinstance(closest, PointTree) else closest

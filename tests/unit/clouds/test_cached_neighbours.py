@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from reference import point_tree as reference
 from scanlock.arrays import read_only
-from scanlock.clouds.kept_neighbours import KeptNeighbours, kept_neighbours
+from scanlock.clouds.cached_neighbours import CachedNeighbours, cached_neighbours
 from scanlock.clouds.neighbours import closest_points
 from scanlock.clouds.point_tree import PointTree
 from scanlock.kernels.points.point_tree import kept_nearest_rows
@@ -25,7 +25,7 @@ def _assert_answers(kept, queries, limit):
 @pytest.mark.parametrize("shrinking", [0.5, 0.9, 1.0])
 def test_the_answers_are_those_of_all_distances_at_every_step(shrinking, limit):
     rng = np.random.default_rng(0)
-    kept = KeptNeighbours(PointTree.from_points(rng.uniform(-5.0, 5.0, (600, 3))))
+    kept = CachedNeighbours(PointTree.from_points(rng.uniform(-5.0, 5.0, (600, 3))))
     queries, step = rng.uniform(-6.0, 6.0, (300, 3)), 0.5
     for _ in range(15):
         _assert_answers(kept, queries, limit)
@@ -42,7 +42,7 @@ def test_the_answers_are_those_of_all_distances_at_every_step(shrinking, limit):
 def test_limits_may_change_and_points_be_equal(seed, limits, steps):
     rng = np.random.default_rng(seed)
     lattice = rng.integers(0, 4, (60, 3)).astype(np.float64)
-    kept = KeptNeighbours(PointTree.from_points(lattice))
+    kept = CachedNeighbours(PointTree.from_points(lattice))
     queries = rng.uniform(-1.0, 5.0, (40, 3))
     for limit, step in zip(limits, steps, strict=False):
         _assert_answers(kept, queries, limit)
@@ -51,7 +51,7 @@ def test_limits_may_change_and_points_be_equal(seed, limits, steps):
 
 def test_other_queries_begin_anew():
     rng = np.random.default_rng(1)
-    kept = KeptNeighbours(PointTree.from_points(rng.normal(size=(100, 3))))
+    kept = CachedNeighbours(PointTree.from_points(rng.normal(size=(100, 3))))
     for count in (30, 50, 0, 20):
         _assert_answers(kept, rng.normal(size=(count, 3)), 1.0)
 
@@ -75,5 +75,5 @@ def test_queries_that_hardly_move_are_not_searched_again():
 def test_a_tessellation_stays_what_it_is():
     tree = PointTree.from_points(np.random.default_rng(3).normal(size=(50, 3)))
     tessellation = closest_points(tree, "delaunay")
-    assert kept_neighbours(tessellation) is tessellation
-    assert kept_neighbours(tree).points is tree.points
+    assert cached_neighbours(tessellation) is tessellation
+    assert cached_neighbours(tree).points is tree.points

@@ -1,7 +1,7 @@
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.optimisation.solvers.stopping import Stopping, StopReason
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 
 def test_only_small_gradients_and_steps_count_as_converged():
@@ -18,4 +18,4 @@ def test_every_reason_is_a_sentence_for_people(reason):
 @pytest.mark.parametrize("value", [0, -1, float("nan")])
 def test_settings_out_of_range_are_refused_by_name(name, value):
     with pytest.raises(InvalidInput, match=name):
-        Stopping(**{name: value})
+        ConvergenceCriteria(**{name: value})

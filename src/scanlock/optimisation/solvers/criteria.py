@@ -12,7 +12,7 @@ class StopReason(enum.Enum):
     GRADIENT_SMALL = "gradient norm fell below the tolerance"
     STEP_SMALL = "step norm fell below the tolerance"
     ITERATION_LIMIT = "iteration limit reached; the pose may still be improving"
-    NO_SUPPORT = "nothing meets at this pose; try a better initial pose or wider Gaussians"
+    EMPTY_OBJECTIVE = "nothing meets at this pose; try a better initial pose or wider Gaussians"
 
     @property
     def is_converged(self) -> bool:
@@ -21,7 +21,7 @@ class StopReason(enum.Enum):
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Stopping:
+class ConvergenceCriteria:
     """Tolerances of the iteration; the defaults are those of Das et al. 2013, section VIII."""
 
     gradient: float = 1e-6
