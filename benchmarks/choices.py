@@ -39,11 +39,11 @@ Align = Callable[[ClusterGaussians, ClusterGaussians, Pose], Pose]
 
 DEFAULT = SgcNdt()
 POINT_WEIGHTS = SgcNdt(
-    schedule=CoarseToFine(scales=(*DEFAULT_SCALES[:-1], Scale(blur=0.0, max_radius=1.5)))
+    schedule=CoarseToFine(scales=(*DEFAULT_SCALES[:-1], Scale(smoothing=0.0, max_radius=1.5)))
 )
 ONE_RADIUS = SgcNdt(
     schedule=CoarseToFine(
-        scales=tuple(Scale(blur=blur, max_radius=3.0) for blur in (8.0, 4.0, 2.0, 1.0, 0.0))
+        scales=tuple(Scale(smoothing=blur, max_radius=3.0) for blur in (8.0, 4.0, 2.0, 1.0, 0.0))
     )
 )
 

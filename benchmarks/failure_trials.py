@@ -67,7 +67,7 @@ def is_barred(result: Registration) -> bool:
     """Tell whether a pose is not called ok, however probable it is."""
     found, most = second_best(result.candidates), result.metrics.second_best
     is_asked_for = bool(result.candidates) and result.candidates[0].maker == INITIAL
-    loyalty = Auto().loyalty if is_asked_for else 1.0
+    loyalty = Auto().initial_pose_preference if is_asked_for else 1.0
     return (
         result.status in (Status.NOT_CONVERGED, Status.NO_CORRESPONDENCES)
         or bool(result.weak_directions)

@@ -33,27 +33,27 @@ from trials import Trial, tried
 
 _FULL = Auto()
 
-_SHALLOW = replace(_FULL, deeper=None, matcher=None)
+_SHALLOW = replace(_FULL, fallback_search=None, matcher=None)
 
 _NEAR_LEADING = tuple(replace(scale, is_entry=False) for scale in DEFAULT_SCALES[2:])
 
 VARIANTS: dict[str, Auto] = {
     "all parts": _FULL,
     "nothing tried in doubt": _SHALLOW,
-    "... and open ground says nothing": replace(_SHALLOW, search=BevSearch(openness=0.0)),
+    "... and open ground says nothing": replace(_SHALLOW, search=BevSearch(free_cell_weight=0.0)),
     "... and no whitening": replace(_SHALLOW, search=BevSearch(whitening=0.0)),
-    "... and only the first hypothesis": replace(_SHALLOW, search=BevSearch(most=1)),
-    "... and not laid on the ground": replace(_SHALLOW, search=BevSearch(fits_ground=False)),
-    "... and no free space": replace(_SHALLOW, imager=None),
+    "... and only the first hypothesis": replace(_SHALLOW, search=BevSearch(max_hypotheses=1)),
+    "... and not laid on the ground": replace(_SHALLOW, search=BevSearch(align_ground=False)),
+    "... and no free space": replace(_SHALLOW, range_imager=None),
     "... and near parts lead, from 2 m": replace(
-        _SHALLOW, descents=MultiStart(scales=_NEAR_LEADING)
+        _SHALLOW, multi_start=MultiStart(scales=_NEAR_LEADING)
     ),
-    "matched clusters, no search": replace(_FULL, search=None, deeper=None),
+    "matched clusters, no search": replace(_FULL, search=None, fallback_search=None),
     "neither: the identity's basin": replace(_SHALLOW, search=None),
     "no fine stage": replace(_FULL, fine=None),
     "fine stage on one grid": replace(_FULL, fine=FineNdt(offsets=(0.0,))),
-    "fine stage, cells of 0.5 m": replace(_FULL, fine=FineNdt(widths=(0.5, 1.0, 2.0, 4.0))),
-    "fine stage, cells of 2 m": replace(_FULL, fine=FineNdt(widths=(2.0, 4.0))),
+    "fine stage, cells of 0.5 m": replace(_FULL, fine=FineNdt(cell_sizes=(0.5, 1.0, 2.0, 4.0))),
+    "fine stage, cells of 2 m": replace(_FULL, fine=FineNdt(cell_sizes=(2.0, 4.0))),
 }
 
 BASELINES = ((20.0, 30.0), (30.0, 40.0))

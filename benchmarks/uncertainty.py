@@ -44,7 +44,7 @@ from scanlock.simulation import scan_pair
 from split_scans import halves, scans
 from tables import machine, print_table
 
-TO_PLANES = Icp(fit=TransformEstimation(step="gauss-newton", residual="point-to-plane"))
+TO_PLANES = Icp(estimation=TransformEstimation(algorithm="gauss-newton", residual="point-to-plane"))
 KINDS: dict[str, Method[Any]] = {
     "icp to planes": TO_PLANES,
     **{name: method for name, method in METHODS.items() if name != "icp-annealed"},

@@ -37,7 +37,7 @@ from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from tables import machine, print_table
 
-_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
+_PLANES = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
 
 SOLVERS = {
     "line-search Newton, Moré-Thuente": LineSearchNewton(line_search=MoreThuente()),
@@ -52,25 +52,34 @@ SOLVERS = {
 
 VARIANTS: dict[str, Method] = {
     **{name: METHODS[name] for name in METHODS},
-    **{f"gicp, gate {gate:g} m": Gicp(gates=(gate,)) for gate in (1.0, 2.5, 5.0, 10.0)},
+    **{
+        f"gicp, gate {gate:g} m": Gicp(max_correspondence_distances=(gate,))
+        for gate in (1.0, 2.5, 5.0, 10.0)
+    },
     "gicp, 20 neighbours": Gicp(neighbours=20),
     "gicp, ellipsoids": Gicp(shape="ellipsoid"),
-    "vgicp, voxels of 1 m": Gicp(meeting="voxel", voxel_widths=(1.0,)),
+    "vgicp, voxels of 1 m": Gicp(search="voxel", target_voxel_sizes=(1.0,)),
     "ndt, das2013: 3 m, own cell, all points": Ndt.das2013(),
-    "ndt, 3 m, near cells, all points": Ndt(widths=(3.0,), spacing=0.0),
-    "ndt, 3 m, own cell": Ndt(widths=(3.0,), meeting="own-cell"),
-    "ndt, 3 m, near cells": Ndt(widths=(3.0,)),
-    "ndt, 3 m, trilinear": Ndt(widths=(3.0,), meeting="trilinear"),
-    "ndt, 3 m, all in reach": Ndt(widths=(3.0,), meeting="all"),
+    "ndt, 3 m, near cells, all points": Ndt(cell_sizes=(3.0,), voxel_size=0.0),
+    "ndt, 3 m, own cell": Ndt(cell_sizes=(3.0,), association="own-cell"),
+    "ndt, 3 m, near cells": Ndt(cell_sizes=(3.0,)),
+    "ndt, 3 m, trilinear": Ndt(cell_sizes=(3.0,), association="trilinear"),
+    "ndt, 3 m, all in reach": Ndt(cell_sizes=(3.0,), association="all"),
     "ndt-d2d, stoyanov2012: from 2 m": NdtD2d.stoyanov2012(),
     "mskm-ndt, obstacles only": MskmNdt(points="obstacles"),
     "mskm-ndt, d2d": MskmNdt(score="d2d"),
     "icp, madhavan2003, but thinned and with a k-d tree": replace(
-        Icp.madhavan2003(), search="k-d tree", spacing=0.5
+        Icp.madhavan2003(), search="k-d tree", voxel_size=0.5
     ),
-    "icp, gate 10 m": Icp(pairing=CorrespondenceFinder(gate=FixedRejection(distance=10.0))),
-    "icp, the closest 70 %": Icp(pairing=CorrespondenceFinder(gate=TrimmedRejection(share=0.7))),
-    "icp, to planes": Icp(fit=_PLANES),
+    "icp, gate 10 m": Icp(
+        correspondences=CorrespondenceFinder(
+            rejection=FixedRejection(max_correspondence_distance=10.0)
+        )
+    ),
+    "icp, the closest 70 %": Icp(
+        correspondences=CorrespondenceFinder(rejection=TrimmedRejection(inlier_ratio=0.7))
+    ),
+    "icp, to planes": Icp(estimation=_PLANES),
     **{
         f"sgc-ndt-d2d, {name}": SgcNdt(schedule=CoarseToFine(solver=solver))
         for name, solver in SOLVERS.items()

@@ -77,7 +77,7 @@ def test_cut_clusters_are_small_nested_and_independent_of_order(seed, count, rad
 @given(seed=_SEEDS, count=st.integers(0, 120), least_count=st.integers(1, 12))
 @settings(max_examples=25)
 def test_labels_have_no_gaps_and_no_small_cluster(seed, count, least_count):
-    finder = ClusterFinder(least_count=least_count)
+    finder = ClusterFinder(min_points=least_count)
     labels, clusters = finder.label(_points(seed, count))
     assert labels.shape == (count,)
     sizes = np.bincount(labels[labels >= 0], minlength=clusters)

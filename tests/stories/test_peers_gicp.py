@@ -45,7 +45,7 @@ def _to_the_end(*clouds, start, gate):
 @pytest.mark.parametrize("neighbours", [10, 20])
 def test_closest_pairs_end_in_the_same_minimum(scan_data, pair, neighbours):
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(gates=(1.0,), neighbours=neighbours, tolerance=1e-5)
+    method = Gicp(max_correspondence_distances=(1.0,), neighbours=neighbours, step_tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -60,7 +60,7 @@ def test_open3d_ends_in_the_same_minimum(scan_data, pair):
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     registration = open3d.pipelines.registration
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(gates=(1.0,), tolerance=1e-6)
+    method = Gicp(max_correspondence_distances=(1.0,), step_tolerance=1e-6)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -87,7 +87,7 @@ def test_open3d_ends_in_the_same_minimum(scan_data, pair):
 @_with_each_pair
 def test_voxels_end_in_the_same_minimum(scan_data, pair):
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(meeting="voxel", voxel_widths=(1.0,), tolerance=1e-5)
+    method = Gicp(search="voxel", target_voxel_sizes=(1.0,), step_tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -100,7 +100,7 @@ def test_voxels_end_in_the_same_minimum(scan_data, pair):
 
 
 @_with_each_pair
-@pytest.mark.parametrize("method", [Gicp(), Gicp(meeting="voxel")], ids=["gicp", "vgicp"])
+@pytest.mark.parametrize("method", [Gicp(), Gicp(search="voxel")], ids=["gicp", "vgicp"])
 def test_from_the_identity_the_trusted_pose_is_found(scan_data, pair, method):
     target, source, truth = real_pair(scan_data, pair)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]

@@ -32,9 +32,11 @@ _with_each_gate = pytest.mark.parametrize("gate", [0.5, 1.0])
 
 def _icp(gate, residual="point-to-point", step="gauss-newton"):
     return Icp(
-        pairing=CorrespondenceFinder(gate=FixedRejection(distance=gate)),
-        fit=TransformEstimation(step=step, residual=residual),
-        criteria=IcpConvergenceCriteria(step=1e-8, iterations=500),
+        correspondences=CorrespondenceFinder(
+            rejection=FixedRejection(max_correspondence_distance=gate)
+        ),
+        estimation=TransformEstimation(algorithm=step, residual=residual),
+        criteria=IcpConvergenceCriteria(step_tolerance=1e-8, max_iterations=500),
     )
 
 
@@ -133,9 +135,12 @@ def test_points_and_planes_end_where_open3d_ends(scan_data, pair, gate, kind, re
 
 def _by_axes(kept, start, gate, normals):
     """Where our pairs and steps end with another residual: ``n_x d_x, n_y d_y, n_z d_z``."""
-    pairing, pose = CorrespondenceFinder(gate=FixedRejection(distance=gate)), start
+    pairing, pose = (
+        CorrespondenceFinder(rejection=FixedRejection(max_correspondence_distance=gate)),
+        start,
+    )
     for _ in range(100):
-        pairs = pairing.pair(*kept, pose, math.inf, math.inf, "point-to-point")
+        pairs = pairing.find(*kept, pose, math.inf, math.inf, "point-to-point")
         precisions = np.zeros((len(pairs), 6))
         precisions[:, [0, 3, 5]] = normals[pairs.target_rows] ** 2
         objective = PointPairs(

@@ -48,7 +48,9 @@ _ONE_SCALE = (
 
 def sgc_contenders() -> list[Contender]:
     """Return SGC-NDT both ways, as scanlock has it and as it is printed."""
-    solver = Newton(criteria=ConvergenceCriteria(gradient=_TOLERANCE, step=_TOLERANCE))
+    solver = Newton(
+        criteria=ConvergenceCriteria(gradient_tolerance=_TOLERANCE, step_tolerance=_TOLERANCE)
+    )
     all_scales = CoarseToFine(solver=solver)
     one_scale = CoarseToFine(scales=PAPER_SCALES, solver=solver)
     p2d, d2d = SgcNdt(score="p2d", schedule=all_scales), SgcNdt(score="d2d", schedule=all_scales)
@@ -63,16 +65,23 @@ def sgc_contenders() -> list[Contender]:
 def icp_contender() -> Contender:
     """Return ICP as the paper has it."""
     method = Icp(
-        pairing=CorrespondenceFinder(gate=FixedRejection(distance=_FARTHEST)),
-        spacing=_SPACING,
-        criteria=IcpConvergenceCriteria(step=_TOLERANCE, iterations=_ROUNDS),
+        correspondences=CorrespondenceFinder(
+            rejection=FixedRejection(max_correspondence_distance=_FARTHEST)
+        ),
+        voxel_size=_SPACING,
+        criteria=IcpConvergenceCriteria(step_tolerance=_TOLERANCE, max_iterations=_ROUNDS),
     )
     return Contender(name=ICP, method=method, remark=f"point to point, {_PAIRING}")
 
 
 def gicp_contender() -> Contender:
     """Return G-ICP as the paper has it."""
-    method = Gicp(gates=(_FARTHEST,), spacing=_SPACING, tolerance=_TOLERANCE, rounds=_ROUNDS)
+    method = Gicp(
+        max_correspondence_distances=(_FARTHEST,),
+        voxel_size=_SPACING,
+        step_tolerance=_TOLERANCE,
+        max_iterations=_ROUNDS,
+    )
     return Contender(name=G_ICP, method=method, remark=f"plane to plane, {_PAIRING}")
 
 

@@ -18,12 +18,12 @@ class KMeans:
     seed: int = 0
     """Of the random numbers that choose the first centres: the same seed, the same parts."""
 
-    iterations: int = 100
+    max_iterations: int = 100
     """Rounds at most; it ends sooner when no point changes its part."""
 
     def __post_init__(self) -> None:
         require_count("seed", self.seed, 0)
-        require_count("iterations", self.iterations)
+        require_count("max_iterations", self.max_iterations)
 
     def labels(self, points: Points, count: int) -> Labels:
         """Return the part of each (n, 3) point, from 0 to below `count`; a part may be empty.
@@ -38,7 +38,7 @@ class KMeans:
         draws = np.random.default_rng(self.seed).random(min(count, len(points)))
         centres = given[spread_seeds(given, read_only(draws))]
         labels = np.full(len(points), -1, np.int64)
-        for _ in range(self.iterations):
+        for _ in range(self.max_iterations):
             tree = PointTree.from_points(centres)
             nearest = tree.rows[tree.nearest(given)[0]]
             if np.array_equal(nearest, labels):

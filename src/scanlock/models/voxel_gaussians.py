@@ -61,7 +61,7 @@ class VoxelGaussians:
 class VoxelGrid:
     """Settings of the grid and of what becomes of the points of a cell."""
 
-    least_count: int = 6
+    min_points: int = 6
     """Cells of fewer points are left out; 6 in the Point Cloud Library."""
 
     variance_ratio: float = 0.01
@@ -75,7 +75,7 @@ class VoxelGrid:
 
     def __post_init__(self) -> None:
         # The spread of fewer points has no estimate.
-        require_count("least_count", self.least_count, 2)
+        require_count("min_points", self.min_points, 2)
         require_fraction("variance_ratio", self.variance_ratio)
         require_positive("deviation_floor", self.min_deviation, unit="m")
         require_fraction("offset", self.offset)
@@ -87,7 +87,7 @@ class VoxelGrid:
         """
         require_at_least("width", width, 0.01, unit="m")
         corner = np.full(3, self.offset * width)
-        cells, counts, means, packed = voxel_moments(points, width, corner, self.least_count)
+        cells, counts, means, packed = voxel_moments(points, width, corner, self.min_points)
         unbiased = packed * (counts / (counts - 1.0))[:, None]
         return VoxelGaussians(
             Gaussians(means, unbiased, counts).regularised(self.min_deviation, self.variance_ratio),

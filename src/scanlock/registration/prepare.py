@@ -42,8 +42,8 @@ class PreparedScan:
     """
 
     method: Method[Any]
-    name: str
-    kept: Prepared
+    method_name: str
+    data: Prepared
     features: VerificationFeatures | None
     insufficient: str
     timings: dict[str, float]
@@ -51,13 +51,13 @@ class PreparedScan:
     @property
     def cloud(self) -> PointCloud:
         """The checked points of the whole scan."""
-        return self.kept.cloud
+        return self.data.cloud
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found on the way that a user may want to know."""
         found = () if self.features is None else self.features.notes
-        notes = dict.fromkeys((*self.kept.notes, *found))
+        notes = dict.fromkeys((*self.data.notes, *found))
         return (*_remarks(self.cloud), *notes)
 
 

@@ -100,7 +100,9 @@ def register(
         raise InvalidInput(
             "hold_weak needs a pose to hold weak directions at: give prior or initial"
         )
-    uncertainty = CovarianceEstimator(way=covariance) if isinstance(covariance, str) else covariance
+    uncertainty = (
+        CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance
+    )
     with using_threads(threads):
         prepared = spread(
             lambda side: _ready(*side, chosen), ((target, "target"), (source, "source"))
@@ -130,7 +132,7 @@ def register(
 
     with clock.stage("align"):
         constraints = Constraints(dof=dof, prior=_local_prior(prior, frames))
-        kept, begins = (prepared[0].kept, prepared[1].kept), frames.local(start)
+        kept, begins = (prepared[0].data, prepared[1].data), frames.local(start)
         # Coordinates of a map say where the scans lie, as an initial pose does.
         is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
         with using_threads(threads):
@@ -155,13 +157,13 @@ def register(
     if uncertainty is not None:
         with clock.stage("covariance"), using_threads(threads):
             align = partial(_aligned, chosen, kept, constraints)
-            covariance_told = uncertainty.of(solution, covariance_factor(chosen), align)
+            covariance_told = uncertainty.estimate(solution, covariance_factor(chosen), align)
         if isinstance(covariance_told, str):
             notes.append(f"no covariance: {covariance_told}")
         else:
             pose, place = frames.caller(solution.pose), frames.source_origin
             pose_covariance = PoseCovariance(
-                covariance_told[0], pose, place, uncertainty.way, covariance_told[1]
+                covariance_told[0], pose, place, uncertainty.method, covariance_told[1]
             )
     clock.seconds["total"] = time.perf_counter() - begin
     return RegistrationResult(
@@ -188,13 +190,13 @@ def _method(
     if method is not None:
         name, chosen = named_method(method)
     elif prepared:
-        name, chosen = prepared[0].name, prepared[0].method
+        name, chosen = prepared[0].method_name, prepared[0].method
     else:
         name, chosen = named_method(DEFAULT_METHOD)
     for scan in prepared:
         if scan.method != chosen:
             raise InvalidInput(
-                f"method must be the one that prepared the scan ({scan.name}), got {name}; "
+                f"method must be the one that prepared the scan ({scan.method_name}), got {name}; "
                 "prepare it again for another method"
             )
     return name, chosen

@@ -17,7 +17,7 @@ METHODS: dict[str, Method[Any]] = {
     "sgc-ndt-d2d": SgcNdt(score="d2d"),
     "sgc-ndt-p2d": SgcNdt(score="p2d"),
     "gicp": Gicp(),
-    "vgicp": Gicp(meeting="voxel"),
+    "vgicp": Gicp(search="voxel"),
     "icp": Icp(),
     "icp-annealed": Icp(annealing=AnnealedStart()),
     "ndt": Ndt(),

@@ -27,15 +27,15 @@ from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import Segmenter, segment
 
 _SENSOR_HEIGHT = 1.7
-_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
+_PLANES = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
 _STEP = np.array([0.5, 0.2, 0.0])
 
 _METHODS: tuple[Method[Any], ...] = (
     *METHODS.values(),
-    *(Ndt(meeting=meeting, widths=(3.0,)) for meeting in get_args(CellAssociation)),
-    NdtD2d(meeting="cells-around", widths=(3.0,)),
-    Icp(search="delaunay", spacing=3.0),
-    Icp(fit=_PLANES, noise=SensorNoise()),
+    *(Ndt(association=meeting, cell_sizes=(3.0,)) for meeting in get_args(CellAssociation)),
+    NdtD2d(association="cells-around", cell_sizes=(3.0,)),
+    Icp(search="delaunay", voxel_size=3.0),
+    Icp(estimation=_PLANES, noise=SensorNoise()),
 )
 """All that are named, and settings that need kernels of their own."""
 

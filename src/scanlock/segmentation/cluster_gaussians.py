@@ -65,7 +65,7 @@ class ClusterGaussianExtractor:
 
     def __post_init__(self) -> None:
         require_positive("deviation_floor", self.min_deviation, unit="m")
-        require_at_least("least_count", self.segmenter.clusters.least_count, 2)
+        require_at_least("least_count", self.segmenter.clusters.min_points, 2)
 
     def find(self, cloud: PointCloud, radii: Sequence[float]) -> ClusterGaussians:
         """Return the landmarks of a cloud in its sensor's frame.
@@ -107,6 +107,6 @@ class ClusterGaussianExtractor:
         if ground.status is GroundStatus.NONE:
             # Nothing separates the columns of polar bins; cubes take the place of clusters.
             partitions = [voxel_labels(obstacles, radius)[0] for radius in radii]
-            return [Gaussians.from_labels(obstacles, one, finder.least_count) for one in partitions]
+            return [Gaussians.from_labels(obstacles, one, finder.min_points) for one in partitions]
         labels, count = finder.grow(upright(obstacles, ground))
         return finder.gaussians(obstacles, labels, count, radii)

@@ -156,12 +156,12 @@ class ClusterFinder:
     A wall would else become one Gaussian whose mean depends on how much of it was seen.
     """
 
-    least_count: int = 6
+    min_points: int = 6
     """Clusters of fewer points are dropped: they define no covariance."""
 
     def __post_init__(self) -> None:
         require_positive("largest_radius", self.max_radius, unit="m")
-        require_at_least("least_count", self.least_count, 1)
+        require_at_least("min_points", self.min_points, 1)
 
     def label(self, points: Points) -> tuple[Labels, int]:
         """Return the cluster of each (n, 3) sensor-frame point, -1 for none, and their number.
@@ -170,7 +170,7 @@ class ClusterFinder:
         """
         labels, count = self.grow(points)
         labels, count = self.cut(points, labels, count, self.max_radius)
-        return _without_small(labels, count, self.least_count)
+        return _without_small(labels, count, self.min_points)
 
     def grow(self, points: Points) -> tuple[Labels, int]:
         """Return the clusters as they grow, whatever their size and extent."""
@@ -210,7 +210,7 @@ class ClusterFinder:
         _, runs, moments = _cut(points, labels, count, radii, keeps_rows=False)
         sizes = runs[:, 2] - runs[:, 1]
         kept = [
-            np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.least_count))
+            np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.min_points))
             for scale in range(len(radii))
         ]
         return [Gaussians(moments[k, :3], moments[k, 3:], sizes[k]) for k in kept]

@@ -50,7 +50,7 @@ def test_no_point_is_nearer_to_another_mean_in_the_end():
 def test_rounds_lower_the_spread_and_a_limit_stops_them():
     points = _points(7, 600)
     spreads = [
-        reference.spread(points, KMeans(iterations=rounds).labels(points, 20))
+        reference.spread(points, KMeans(max_iterations=rounds).labels(points, 20))
         for rounds in (1, 3, 100)
     ]
     assert spreads[0] > spreads[1] > spreads[2]

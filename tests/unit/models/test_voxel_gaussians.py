@@ -48,7 +48,7 @@ def test_cells_of_few_points_are_left_out():
     points = np.repeat([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]], [5, 6], axis=0)
     found = VoxelGrid().gaussians(points, 1.0)
     assert found.cells.tolist() == [[1, 0, 0]]
-    assert len(VoxelGrid(least_count=7).gaussians(points, 1.0)) == 0
+    assert len(VoxelGrid(min_points=7).gaussians(points, 1.0)) == 0
 
 
 def test_the_cell_is_that_of_the_points_even_on_a_face():

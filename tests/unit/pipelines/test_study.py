@@ -152,6 +152,6 @@ def test_names_must_tell_things_apart(scans, changes):
 
 
 def test_settings_of_ones_own_are_methods_too(scans):
-    study = _study(scans, methods={"mine": SgcNdt(spacing=1.0)}, pairs=_pairs()[:1])
+    study = _study(scans, methods={"mine": SgcNdt(voxel_size=1.0)}, pairs=_pairs()[:1])
     [record] = study.records()
     assert record.task.method == "mine"

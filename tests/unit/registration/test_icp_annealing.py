@@ -48,7 +48,7 @@ def test_a_good_start_is_not_lost_to_the_search():
 
 
 def test_the_least_distance_wins_where_any_advantage_counts():
-    eager = Icp(annealing=AnnealedStart(advantage=0.0))
+    eager = Icp(annealing=AnnealedStart(min_improvement=0.0))
     looks = (street(1, layout=2), street(2, layout=2))
     scans = [eager.prepare(PointCloud.from_array(points)) for points in looks]
     starts = eager.annealing.poses(*scans, Pose.identity(), UNCONSTRAINED)
@@ -71,8 +71,8 @@ def test_the_seed_decides_and_nothing_else():
 
 def test_settings_out_of_range_are_refused():
     with pytest.raises(InvalidInput, match="trim"):
-        AnnealedStart(trim=0.0)
+        AnnealedStart(inlier_ratio=0.0)
     with pytest.raises(InvalidInput, match="advantage"):
-        AnnealedStart(advantage=1.5)
+        AnnealedStart(min_improvement=1.5)
     with pytest.raises(InvalidInput, match="sample"):
-        AnnealedStart(sample=0)
+        AnnealedStart(sample_size=0)

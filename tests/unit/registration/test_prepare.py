@@ -43,7 +43,7 @@ def test_a_scan_prepared_by_another_method_is_refused(scans):
     with pytest.raises(InvalidInput, match=r"prepared the scan \(sgc-ndt-p2d\), got sgc-ndt-d2d"):
         register(source, ready, method="sgc-ndt-d2d")
     with pytest.raises(InvalidInput, match="prepared the scan"):
-        register(source, ready, method=SgcNdt(score="p2d", spacing=0.3))
+        register(source, ready, method=SgcNdt(score="p2d", voxel_size=0.3))
     assert register(source, ready, method=SgcNdt(score="p2d")).ok
 
 

@@ -70,6 +70,6 @@ def test_a_scan_without_parts_has_empty_gaussians():
 def test_settings_out_of_range_are_refused_by_name():
     with pytest.raises(InvalidInput, match=r"deviation_floor must be positive, got 0\.0 m"):
         ClusterGaussianExtractor(min_deviation=0.0)
-    single = Segmenter(clusters=ClusterFinder(least_count=1))
+    single = Segmenter(clusters=ClusterFinder(min_points=1))
     with pytest.raises(InvalidInput, match="least_count must be at least 2, got 1"):
         ClusterGaussianExtractor(segmenter=single)

@@ -235,7 +235,7 @@ def test_small_clusters_are_dropped_and_the_others_numbered_without_gaps():
     points = np.concatenate(
         [np.full((n, 3), [r, 0.1, 0.0]) for n, r in ((5, 4.0), (6, 9.0), (1, 14.0), (7, 18.0))]
     )
-    labels, count = ClusterFinder(least_count=6).label(points)
+    labels, count = ClusterFinder(min_points=6).label(points)
     assert count == 2
     np.testing.assert_array_equal(labels, np.repeat([-1, 0, -1, 1], [5, 6, 1, 7]))
 
@@ -281,7 +281,7 @@ def _is_refined(fine, coarse):
         (lambda: GaussianFit(limit=-1.0), "limit must be positive, got -1.0"),
         (lambda: GaussianFit(min_deviation=0.0), "deviation_floor must be positive, got 0.0 m"),
         (lambda: ClusterFinder(max_radius=0.0), "largest_radius must be positive, got 0.0 m"),
-        (lambda: ClusterFinder(least_count=0), "least_count must be"),
+        (lambda: ClusterFinder(min_points=0), "least_count must be"),
     ],
 )
 def test_settings_out_of_range_are_refused_by_name(make, message):
@@ -290,7 +290,7 @@ def test_settings_out_of_range_are_refused_by_name(make, message):
 
 
 def test_gaussians_are_those_of_the_clusters_cut_to_each_radius():
-    finder, points = ClusterFinder(least_count=4), _obstacles()
+    finder, points = ClusterFinder(min_points=4), _obstacles()
     labels, count = finder.grow(points)
     radii = [5.0, 1.4, 0.7]
     for radius, found in zip(radii, finder.gaussians(points, labels, count, radii), strict=True):

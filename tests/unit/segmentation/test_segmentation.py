@@ -117,7 +117,7 @@ def test_few_or_identical_points_are_labelled_too(count):
 
 
 def test_settings_reach_the_parts(scan):
-    none = segment(scan, Segmenter(clusters=ClusterFinder(least_count=10**6)))
+    none = segment(scan, Segmenter(clusters=ClusterFinder(min_points=10**6)))
     assert none.cluster_count == 0
     assert none.clusters == ()
     np.testing.assert_array_equal(none.is_ground, segment(scan).is_ground)

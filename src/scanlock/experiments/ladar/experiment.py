@@ -48,8 +48,8 @@ def ladar_contenders() -> list[Contender]:
     """Return the paper's method, those that it leaves to later work, and others."""
     noise = SensorNoise(range_deviation=FacetLadar().range_noise)
     icp = Icp()
-    noisy = replace(icp, noise=noise, fit=replace(icp.fit, step="gauss-newton"))
-    planes = replace(icp.fit, step="gauss-newton", residual="point-to-plane")
+    noisy = replace(icp, noise=noise, estimation=replace(icp.estimation, algorithm="gauss-newton"))
+    planes = replace(icp.estimation, algorithm="gauss-newton", residual="point-to-plane")
     return [
         Contender(
             name=PRINTED,
@@ -70,7 +70,9 @@ def ladar_contenders() -> list[Contender]:
             remark="the same, pairs weighed by the noise of the ladar and its angles",
         ),
         Contender(
-            name="ICP to planes", method=replace(icp, fit=planes), remark="the same, to planes"
+            name="ICP to planes",
+            method=replace(icp, estimation=planes),
+            remark="the same, to planes",
         ),
         Contender(
             name=ANNEALED,

@@ -51,14 +51,14 @@ class PointsToCells:
 
     target: VoxelGaussians
     points: Points
-    meeting: CellAssociation = "own-cell"
+    association: CellAssociation = "own-cell"
     shape: ScoreShape = field(default_factory=ScoreShape)
     curvature: Curvature = "exact"
 
     def __post_init__(self) -> None:
-        if self.meeting not in CELL_ASSOCIATIONS:
+        if self.association not in CELL_ASSOCIATIONS:
             raise InvalidInput(
-                f"meeting must be one of {', '.join(CELL_ASSOCIATIONS)}, got {self.meeting!r}"
+                f"meeting must be one of {', '.join(CELL_ASSOCIATIONS)}, got {self.association!r}"
             )
 
     @property
@@ -86,9 +86,9 @@ class PointsToCells:
         given = points, gaussians.means, gaussians.packed_precisions, *grid
         exact = float(self.curvature == "exact")
         rest = pose.rotation, pose.translation, *self.shape.parameters, exact
-        if self.meeting == "trilinear":
+        if self.association == "trilinear":
             terms = trilinear_terms(*given, *rest)
         else:
-            reach = target.width if self.meeting == "near-cells" else np.inf
-            terms = cell_terms(*given, _OFFSETS[self.meeting], float(reach), *rest)
+            reach = target.width if self.association == "near-cells" else np.inf
+            terms = cell_terms(*given, _OFFSETS[self.association], float(reach), *rest)
         return self.shape.height / len(self.points) * terms

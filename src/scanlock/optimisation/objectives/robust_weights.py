@@ -50,7 +50,7 @@ class RobustWeights:
     scale: float | None = None
     """Residual where it begins to fall, c [m]; None takes it from the median of the residuals."""
 
-    least_scale: float = 0.01
+    min_scale: float = 0.01
     """A scale from the median is never below this [m]: of identical scans it would be zero."""
 
     def __post_init__(self) -> None:
@@ -58,14 +58,14 @@ class RobustWeights:
             raise InvalidInput(f"loss must be one of {', '.join(_WEIGHTS)}, got {self.loss!r}")
         if self.scale is not None:
             require_positive("scale", self.scale, unit="m")
-        require_positive("least_scale", self.least_scale, unit="m")
+        require_positive("min_scale", self.min_scale, unit="m")
 
     def scale_for(self, residuals: Vector) -> float:
         """Return the scale c [m]: the fixed one, or from the median magnitude of the residuals."""
         if self.scale is not None:
             return self.scale
         deviation = _DEVIATION_OVER_MEDIAN * float(np.median(np.abs(residuals)))
-        return max(TUNING[self.loss] * deviation, self.least_scale)
+        return max(TUNING[self.loss] * deviation, self.min_scale)
 
     def weights(self, residuals: Vector) -> Vector:
         """Return the (m,) weights of the residuals [m], of either sign; at least one."""

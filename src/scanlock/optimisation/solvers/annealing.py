@@ -71,14 +71,14 @@ class Annealing:
     minima: int = 3
     """How many distinct minima to return, at most."""
 
-    apart: float = 1.0
+    min_separation: float = 1.0
     """Poses nearer than this [m], rotations counted at 20 m, are one minimum."""
 
     seed: int = 0
     """The same seed gives the same minima, to the bit."""
 
     def __post_init__(self) -> None:
-        for name in ("horizontal", "vertical", "apart"):
+        for name in ("horizontal", "vertical", "min_separation"):
             require_positive(name, getattr(self, name), unit="m")
         for name in ("tilt", "yaw"):
             require_positive(name, getattr(self, name), unit="rad")
@@ -142,7 +142,7 @@ class Annealing:
         for one in sorted(seen, key=lambda minimum: minimum.energy):
             if len(kept) == self.minima:
                 break
-            if all(_gap(one.pose, other.pose) >= self.apart for other in kept):
+            if all(_gap(one.pose, other.pose) >= self.min_separation for other in kept):
                 kept.append(one)
         return tuple(kept)
 

@@ -24,16 +24,16 @@ class StopReason(enum.Enum):
 class ConvergenceCriteria:
     """Tolerances of the iteration; the defaults are those of Das et al. 2013, section VIII."""
 
-    gradient: float = 1e-6
+    gradient_tolerance: float = 1e-6
     """Norm of the gradient of the normalised score, in the solver's scaled units."""
 
-    step: float = 1e-6
+    step_tolerance: float = 1e-6
     """Norm of the step; metres, with rotations counted at the solver's lever arm."""
 
-    iterations: int = 100
+    max_iterations: int = 100
     """Evaluations of the objective allowed at one scale."""
 
     def __post_init__(self) -> None:
-        require_positive("gradient", self.gradient)
-        require_positive("step", self.step, unit="m")
-        require_at_least("iterations", self.iterations, 1)
+        require_positive("gradient_tolerance", self.gradient_tolerance)
+        require_positive("step_tolerance", self.step_tolerance, unit="m")
+        require_at_least("max_iterations", self.max_iterations, 1)

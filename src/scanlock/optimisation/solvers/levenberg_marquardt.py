@@ -65,14 +65,14 @@ class LevenbergMarquardt:
         if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
             return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
 
-        while len(history) < self.criteria.iterations:
+        while len(history) < self.criteria.max_iterations:
             gradient = quadratic.gradient / scale
-            if np.linalg.norm(gradient) < self.criteria.gradient:
+            if np.linalg.norm(gradient) < self.criteria.gradient_tolerance:
                 return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
             hessian = quadratic.hessian / np.outer(scale, scale)
             step = _damped_step(gradient, hessian, damping, self.max_step)
             step_norm = float(np.linalg.norm(step))
-            if step_norm < self.criteria.step:
+            if step_norm < self.criteria.step_tolerance:
                 return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
 
             tried_pose = pose.retract(step / scale)

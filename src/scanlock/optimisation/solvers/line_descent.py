@@ -64,20 +64,20 @@ class LineDescent:
         walk = _Walk(objective, start, self.rotation_scale)
         if walk.is_void:
             return walk.solution(StopReason.EMPTY_OBJECTIVE)
-        while (left := self.criteria.iterations - len(walk.history)) > 0:
+        while (left := self.criteria.max_iterations - len(walk.history)) > 0:
             gradient = walk.gradient
-            if float(np.linalg.norm(gradient)) < self.criteria.gradient:
+            if float(np.linalg.norm(gradient)) < self.criteria.gradient_tolerance:
                 return walk.solution(StopReason.GRADIENT_SMALL)
             direction = directions.direction(gradient, walk.hessian)
             norm = float(np.linalg.norm(direction))
-            if norm < self.criteria.step:
+            if norm < self.criteria.step_tolerance:
                 return walk.solution(StopReason.STEP_SMALL)
             search = replace(self.line_search, trials=min(left, self.line_search.trials))
             found = search.search(walk.along(direction), 1.0, self.max_step / norm)
             length = found.point.length
-            if length * norm < self.criteria.step:
+            if length * norm < self.criteria.step_tolerance:
                 # What was learnt may mislead here: begin anew before giving up.
-                if len(walk.history) < self.criteria.iterations and not directions.forget():
+                if len(walk.history) < self.criteria.max_iterations and not directions.forget():
                     return walk.solution(StopReason.STEP_SMALL)
                 continue
             directions.learn(length * direction, walk.moved(length * direction) - gradient)

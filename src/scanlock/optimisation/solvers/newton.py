@@ -29,7 +29,9 @@ _ACCEPTED_GAIN = 1e-4
 class Newton:
     """Settings of the trust-region Newton solver."""
 
-    criteria: ConvergenceCriteria = field(default_factory=lambda: ConvergenceCriteria(step=3e-4))
+    criteria: ConvergenceCriteria = field(
+        default_factory=lambda: ConvergenceCriteria(step_tolerance=3e-4)
+    )
     """Tolerances and the iteration limit. The last step is taken: what is left after one of less
     than 0.3 mm is its square, a thousandth of that."""
 
@@ -72,13 +74,13 @@ class Newton:
         if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
             return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
 
-        while len(history) < self.criteria.iterations:
+        while len(history) < self.criteria.max_iterations:
             gradient = quadratic.gradient / scale
-            if _length(gradient) < self.criteria.gradient:
+            if _length(gradient) < self.criteria.gradient_tolerance:
                 return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
             step, predicted = trust_step(gradient, quadratic.hessian / squares, radius)
             step_norm = _length(step)
-            if step_norm < self.criteria.step:
+            if step_norm < self.criteria.step_tolerance:
                 # A step cut short tells nothing of where the minimum is.
                 if step_norm < 0.99 * radius:
                     pose, quadratic = pose.retract(step / scale), quadratic.after(step / scale)

@@ -32,4 +32,6 @@ def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
 def with_tolerance(solver: Solver, step: float) -> Solver:
     """Return the solver with a stopping step of no less than `step` [m]: others go on."""
     criteria = solver.criteria
-    return replace(solver, criteria=replace(criteria, step=max(criteria.step, step)))
+    return replace(
+        solver, criteria=replace(criteria, step_tolerance=max(criteria.step_tolerance, step))
+    )

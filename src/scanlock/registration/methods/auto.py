@@ -41,8 +41,10 @@ class Auto:
     search: BevSearch | None = field(default_factory=BevSearch)
     """Proposes poses from the scans themselves; None leaves it out."""
 
-    deeper: BevSearch | None = field(
-        default_factory=lambda: BevSearch(openness=0.4, most=60, least_share=0.3)
+    fallback_search: BevSearch | None = field(
+        default_factory=lambda: BevSearch(
+            free_cell_weight=0.4, max_hypotheses=60, min_score_ratio=0.3
+        )
     )
     """Proposes more poses where those leave doubt; free space sorts out the few to follow. None
     leaves it out. Its viewer is that of `search`."""
@@ -51,46 +53,46 @@ class Auto:
     """Proposes poses from matched clusters, whatever the tilt, where a scan has no ground or doubt
     is left; None leaves it out."""
 
-    basin: SgcNdt = field(default_factory=SgcNdt)
+    initial_method: SgcNdt = field(default_factory=SgcNdt)
     """Descends from an initial pose by its full schedule, which forgives 10 m and 60 degrees."""
 
-    descents: MultiStart = field(default_factory=MultiStart)
+    multi_start: MultiStart = field(default_factory=MultiStart)
     """Descends from the hypotheses."""
 
-    imager: RangeImager | None = field(default_factory=RangeImager)
+    range_imager: RangeImager | None = field(default_factory=RangeImager)
     """Says which poses put things where the other scan looked through; None leaves it out."""
 
     fine: FineNdt | None = field(default_factory=FineNdt)
     """Ends what the descents have left; None leaves it out."""
 
-    loyalty: float = 1.2
+    initial_pose_preference: float = 1.2
     """An initial pose is left for another only if the agreement there is this many times as
     good: who gives one usually knows."""
 
-    doubt: float = 0.08
+    fallback_threshold: float = 0.08
     """With an agreement below this at the end, or much that stands where the other scan looked
     through, what else can be tried is tried."""
 
     def __post_init__(self) -> None:
-        require_at_least("loyalty", self.loyalty, 1.0)
-        require_fraction("doubt", self.doubt)
+        require_at_least("initial_pose_preference", self.initial_pose_preference, 1.0)
+        require_fraction("fallback_threshold", self.fallback_threshold)
 
     def prepare(self, cloud: PointCloud) -> AutoScan:
         """Return what the method keeps of a scan."""
         clock = StageClock()
-        finder = self.basin.landmarks
+        finder = self.initial_method.extractor
         with clock.stage("ground"):
             ground = finder.segmenter.ground.find(cloud)
-        basin = [scale.max_radius for scale in self.basin.schedule.scales]
-        near = [scale.max_radius for scale in self.descents.scales]
+        basin = [scale.max_radius for scale in self.initial_method.schedule.scales]
+        near = [scale.max_radius for scale in self.multi_start.scales]
         radii = sorted({*basin, *near}, reverse=True)
         found = finder.find_above(cloud, ground, radii)
         parts = dict(zip(radii, found.gaussians, strict=True))
         with clock.stage("view"):
-            view = None if self.search is None else self.search.view(cloud, ground)
+            view = None if self.search is None else self.search.grid(cloud, ground)
             level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
         with clock.stage("evidence"):
-            features = features_from_clusters(found, self.imager)
+            features = features_from_clusters(found, self.range_imager)
         with clock.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
         return AutoScan(
@@ -137,17 +139,17 @@ class Auto:
             history += steps + tuple(step for one in ended for step in one.solution.history)
             features = target.features, source.features
             rivals += [(judged(*features, one), one.solution) for one in ended]
-            count = len(source.parts[-1])
+            count = len(source.gaussians[-1])
             rivals.sort(key=lambda rival: self._standing(*rival, constraints, count), reverse=True)
             poses = [candidate.target_from_source for candidate, _ in rivals]
-            rivals = [rivals[row] for row in distinct(poses, *self.descents.apart)]
+            rivals = [rivals[row] for row in distinct(poses, *self.multi_start.min_separation)]
             best = rivals[0][0] if rivals else None
-            if best is not None and best.is_plausible and best.agreement >= self.doubt:
+            if best is not None and best.is_plausible and best.agreement >= self.fallback_threshold:
                 break
         return SearchResult(
             replace(rivals[0][1], history=history),
             tuple(candidate for candidate, _ in rivals),
-            self._rivalry(rivals, constraints, len(source.parts[-1])),
+            self._rivalry(rivals, constraints, len(source.gaussians[-1])),
         )
 
     def _rivalry(
@@ -179,8 +181,12 @@ class Auto:
     ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return where everything else leads, for scans that the first ends leave in doubt."""
         proposed: list[Hypothesis] = []
-        if self.deeper is not None and target.view is not None and source.view is not None:
-            proposed = self.deeper.hypotheses(target.view, source.view)
+        if (
+            self.fallback_search is not None
+            and target.bev_grid is not None
+            and source.bev_grid is not None
+        ):
+            proposed = self.fallback_search.hypotheses(target.bev_grid, source.bev_grid)
         features = target.features, source.features
         proposed.sort(
             key=lambda one: one.weight * plausibility(violation(*features, one.pose)),
@@ -206,12 +212,12 @@ class Auto:
         constraints: Constraints,
     ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
         """Return where hypotheses lead through the descents and the fine stage."""
-        if not (target.has_parts and source.has_parts):
+        if not (target.has_gaussians and source.has_gaussians):
             return [], ()
         start = initial or Pose.identity()
-        ended, history = self.descents.follow(
-            target.parts,
-            source.parts,
+        ended, history = self.multi_start.refine(
+            target.gaussians,
+            source.gaussians,
             [replace(one, pose=constraints.held(one.pose, start)) for one in hypotheses],
             constraints,
             lambda pose: plausibility(violation(target.features, source.features, pose)),
@@ -233,8 +239,10 @@ class Auto:
         to a place that is known, that is its end; the only one if the start lies close to that.
         """
         ended: list[RefinedHypothesis] = []
-        if target.has_parts and source.has_parts:
-            solution = self.basin.align(target.landmarks, source.landmarks, start, constraints)
+        if target.has_gaussians and source.has_gaussians:
+            solution = self.initial_method.align(
+                target.clusters, source.clusters, start, constraints
+            )
             met = self._known_at(solution.pose, known)
             if met is None:
                 ended.append(
@@ -255,7 +263,7 @@ class Auto:
         self, pose: Pose, known: list[RefinedHypothesis], times: float = 1.0
     ) -> Solution | None:
         """Return the first solution that is not so many times `apart`, None without one."""
-        metres, radians = (times * limit for limit in self.descents.apart)
+        metres, radians = (times * limit for limit in self.multi_start.min_separation)
         for one in known:
             if one.solution.pose.is_close(pose, translation=metres, rotation=radians):
                 return one.solution
@@ -267,8 +275,8 @@ class Auto:
         found: list[Hypothesis] = []
         if constraints.prior is not None:
             found.append(Hypothesis(constraints.prior.pose, 1.0, "prior"))
-        if self.search is not None and target.view is not None and source.view is not None:
-            found += self.search.hypotheses(target.view, source.view)
+        if self.search is not None and target.bev_grid is not None and source.bev_grid is not None:
+            found += self.search.hypotheses(target.bev_grid, source.bev_grid)
         if not (target.has_ground and source.has_ground):
             found += self._matched(target, source)
         return found
@@ -280,7 +288,7 @@ class Auto:
             return []
         # Not kept with a scan: few pairs leave a doubt that needs them.
         features = [
-            self.matcher.describe(one.parts[0], None if is_free else one.level)
+            self.matcher.describe(one.gaussians[0], None if is_free else one.level)
             for one in (target, source)
         ]
         return self.matcher.hypotheses(*features)
@@ -308,7 +316,7 @@ class Auto:
         """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
         standing = candidate.agreement
         if candidate.proposed_by == INITIAL:
-            standing *= self.loyalty
+            standing *= self.initial_pose_preference
         if constraints.prior is not None:
             # As in the objectives, the prior is one observation beside those of the parts.
             belief = constraints.prior.linearise(candidate.target_from_source).value

@@ -37,9 +37,9 @@ class AutoScan:
     """
 
     cloud: PointCloud
-    landmarks: ClusterGaussians
-    parts: tuple[Gaussians, ...]
-    view: BevGrid | None
+    clusters: ClusterGaussians
+    gaussians: tuple[Gaussians, ...]
+    bev_grid: BevGrid | None
     level: Pose | None
     features: VerificationFeatures
     fine: FineNdtScan | None
@@ -49,28 +49,28 @@ class AutoScan:
     def notes(self) -> tuple[str, ...]:
         """What was found on the way."""
         if self.fine is None:
-            return self.landmarks.notes
+            return self.clusters.notes
         cells = f"{len(self.fine.gaussians)} cells of {self.fine.width:g} m"
-        return (*self.landmarks.notes, cells)
+        return (*self.clusters.notes, cells)
 
     @property
     def has_ground(self) -> bool:
         """Whether its ground says which way is up."""
-        return self.view is not None and self.view.has_ground
+        return self.bev_grid is not None and self.bev_grid.has_ground
 
     @property
-    def has_parts(self) -> bool:
+    def has_gaussians(self) -> bool:
         """Whether there are clusters enough to descend by."""
-        return not self.landmarks.insufficient
+        return not self.clusters.insufficient
 
     @property
     def insufficient(self) -> str:
         """Why the scan cannot be registered; empty when it can."""
-        if self.has_parts or self.fine is None:
-            return self.landmarks.insufficient
+        if self.has_gaussians or self.fine is None:
+            return self.clusters.insufficient
         cells = len(self.fine.gaussians)
         return (
             ""
             if cells >= MIN_GAUSSIANS
-            else f"{self.landmarks.insufficient}, and {cells} small cells"
+            else f"{self.clusters.insufficient}, and {cells} small cells"
         )

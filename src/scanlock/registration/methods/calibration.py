@@ -31,7 +31,7 @@ def covariance_factor(method: Any) -> float:
     """
     match method:
         case Auto():
-            return covariance_factor(method.basin) if method.fine is None else _FINE_STAGE
+            return covariance_factor(method.initial_method) if method.fine is None else _FINE_STAGE
         case NdtD2d():
             return _CELLS_TO_CELLS
         case Ndt():
@@ -41,8 +41,8 @@ def covariance_factor(method: Any) -> float:
         case SgcNdt():
             return _CLUSTERS[method.score]
         case Gicp():
-            return _SURFACES[method.meeting]
+            return _SURFACES[method.search]
         case Icp():
-            return _PAIRS[method.fit.residual]
+            return _PAIRS[method.estimation.residual]
         case _:
             return 1.0

@@ -22,7 +22,7 @@ from scanlock.optimisation.solvers.solver import Solver
 class Scale:
     """One step of the schedule: how blurred the score is, and how fine the scans are cut."""
 
-    blur: float
+    smoothing: float
     """Standard deviation added to every Gaussian [m]; 0 leaves them as they are."""
 
     max_radius: float
@@ -36,16 +36,16 @@ class Scale:
 
     def __post_init__(self) -> None:
         require_at_least("weight_power", self.weight_power, 0.0)
-        require_at_least("blur", self.blur, 0.0, unit="m")
+        require_at_least("smoothing", self.smoothing, 0.0, unit="m")
         require_positive("largest_radius", self.max_radius, unit="m")
 
 
 DEFAULT_SCALES = (
-    Scale(blur=8.0, max_radius=6.0),
-    Scale(blur=4.0, max_radius=6.0),
-    Scale(blur=2.0, max_radius=3.0, is_entry=True),
-    Scale(blur=1.0, max_radius=3.0),
-    Scale(blur=0.0, max_radius=1.5, weight_power=0.25),
+    Scale(smoothing=8.0, max_radius=6.0),
+    Scale(smoothing=4.0, max_radius=6.0),
+    Scale(smoothing=2.0, max_radius=3.0, is_entry=True),
+    Scale(smoothing=1.0, max_radius=3.0),
+    Scale(smoothing=0.0, max_radius=1.5, weight_power=0.25),
 )
 """The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision.
 
@@ -54,7 +54,7 @@ need a say, for they know the angles. Where the scans share little, a wide blur 
 together, away even from a true start; a second descent that begins at 2 m is spared that.
 """
 
-PAPER_SCALES = (Scale(blur=0.0, max_radius=3.0),)
+PAPER_SCALES = (Scale(smoothing=0.0, max_radius=3.0),)
 """One scale, as in Das et al. 2013: the basin is then that of the sharp clusters."""
 
 
@@ -72,7 +72,7 @@ class CoarseToFine:
     """A blurred scale stops at steps below this share of its blur: the next one goes on."""
 
     def __post_init__(self) -> None:
-        blurs = [scale.blur for scale in self.scales]
+        blurs = [scale.smoothing for scale in self.scales]
         radii = [scale.max_radius for scale in self.scales]
         for name, values in (("blur", blurs), ("largest_radius", radii)):
             if not values or values != sorted(values, reverse=True):
@@ -122,7 +122,7 @@ class CoarseToFine:
             history += solution.history
             start = solution.pose
             # Either stopped a step from the minimum at most, so this is one and the same.
-            same = 2.0 * solver.criteria.step
+            same = 2.0 * solver.criteria.step_tolerance
             if any(
                 at == index and _gap(start, pose, solver.rotation_scale) <= same
                 for at, pose in ends
@@ -134,8 +134,8 @@ class CoarseToFine:
 
     def _solver_at(self, scale: Scale) -> Solver:
         criteria = self.solver.criteria
-        step = max(criteria.step, self.coarse_tolerance * scale.blur)
-        return replace(self.solver, criteria=replace(criteria, step=step))
+        step = max(criteria.step_tolerance, self.coarse_tolerance * scale.smoothing)
+        return replace(self.solver, criteria=replace(criteria, step_tolerance=step))
 
 
 def _gap(one: Pose, other: Pose, rotation_scale: float) -> float:

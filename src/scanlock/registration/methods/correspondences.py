@@ -95,7 +95,7 @@ class Correspondences:
     source_rows: Labels
     weights: Vector
     mean_distance: float
-    limit: float
+    threshold: float
 
     def __post_init__(self) -> None:
         for array in (self.target_rows, self.source_rows, self.weights):
@@ -114,14 +114,14 @@ class Correspondences:
 class CorrespondenceFinder:
     """Settings that pair the points of two scans at a pose."""
 
-    gate: Rejection = field(default_factory=AdaptiveRejection)
+    rejection: Rejection = field(default_factory=AdaptiveRejection)
     """Pairs too far apart are dropped."""
 
-    reach: float = 10.0
+    max_correspondence_distance: float = 10.0
     """Points without another within this distance are not paired at all, and enter no
     statistics [m]; infinite in the paper."""
 
-    orientation: float | None = None
+    max_normal_angle: float | None = None
     """Pairs whose surfaces differ by more than this angle are dropped [rad]; None asks nothing.
     Zhang 1994 advises 60 degrees."""
 
@@ -129,15 +129,17 @@ class CorrespondenceFinder:
     """How the weight of a pair falls with its residual; 1 for all by default, as in the paper."""
 
     def __post_init__(self) -> None:
-        if self.reach != np.inf:
-            require_positive("reach", self.reach, unit="m")
-        if self.orientation is not None and not 0.0 < self.orientation <= np.pi / 2:
+        if self.max_correspondence_distance != np.inf:
+            require_positive(
+                "max_correspondence_distance", self.max_correspondence_distance, unit="m"
+            )
+        if self.max_normal_angle is not None and not 0.0 < self.max_normal_angle <= np.pi / 2:
             raise InvalidInput(
                 "orientation must lie between 0 and pi/2, for normals have no sign, got "
-                f"{self.orientation} rad"
+                f"{self.max_normal_angle} rad"
             )
 
-    def pair(
+    def find(
         self,
         target: PointScan,
         source: PointScan,
@@ -161,17 +163,19 @@ class CorrespondenceFinder:
             What the robust weights look at.
         """
         moved = pose.apply(source.points)
-        partners, distances = target.closest.nearest(moved, min(self.reach, self.gate.reach))
+        partners, distances = target.closest.nearest(
+            moved, min(self.max_correspondence_distance, self.rejection.max_distance)
+        )
         met = np.flatnonzero(partners >= 0)
         if not len(met):
             nobody = read_only(np.zeros(0, np.int64))
             return Correspondences(nobody, nobody, np.zeros(0), np.nan, previous)
-        limit = min(self.gate.limit(distances[met], previous, target.spacing), most)
+        limit = min(self.rejection.threshold(distances[met], previous, target.spacing), most)
         rows = met[distances[met] <= limit]
-        if self.orientation is not None:
+        if self.max_normal_angle is not None:
             turned = source.normals[rows] @ pose.rotation.T
             cosines = np.einsum("ma,ma->m", turned, target.normals[partners[rows]])
-            rows = rows[np.abs(cosines) >= np.cos(self.orientation)]
+            rows = rows[np.abs(cosines) >= np.cos(self.max_normal_angle)]
         return self._weighed(target, moved, partners, distances, rows, limit, residual)
 
     def _weighed(

@@ -55,7 +55,7 @@ class FineNdtScan:
 class FineNdt:
     """Settings of the last stage; `prepare` each scan once, `align` as many pairs as wanted."""
 
-    widths: tuple[float, ...] = (1.0, 2.0, 4.0)
+    cell_sizes: tuple[float, ...] = (1.0, 2.0, 4.0)
     """Sides of the cells [m], finest first. Each scan takes the first that most of its points
     fill, a pair the larger of its two."""
 
@@ -77,14 +77,16 @@ class FineNdt:
     grid: VoxelGrid = field(default_factory=VoxelGrid)
     """What becomes of the points of a cell."""
 
-    solver: Solver = field(default_factory=lambda: Newton(criteria=ConvergenceCriteria(step=1e-3)))
+    solver: Solver = field(
+        default_factory=lambda: Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
+    )
     """Minimises the score. What is left after a step of a millimetre is two thousandths of it."""
 
     coarse_tolerance: float = 0.03
     """All shapes but the last stop at steps below this [m]."""
 
     def __post_init__(self) -> None:
-        require_widths(self.widths[::-1])
+        require_widths(self.cell_sizes[::-1])
         require_at_least("offsets", len(self.offsets), 1)
         require_at_least("shapes", len(self.shapes), 1)
         require_positive("weight_power", self.weight_power)
@@ -93,8 +95,8 @@ class FineNdt:
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
         """Return the cells of a cloud at the width that its density allows."""
         points = measured_points(cloud)
-        found = self._cells(points, self.widths[0])
-        for coarser in self.widths[1:]:
+        found = self._cells(points, self.cell_sizes[0])
+        for coarser in self.cell_sizes[1:]:
             share = found.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
             if share >= MIN_COVERAGE and len(found.gaussians) >= MIN_GAUSSIANS:
                 break

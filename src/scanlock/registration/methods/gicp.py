@@ -79,17 +79,17 @@ class SurfaceScan:
 class Gicp:
     """Settings of generalised ICP; `prepare` each scan once, `align` as many pairs as wanted."""
 
-    meeting: Literal["closest", "voxel"] = "closest"
+    search: Literal["closest", "voxel"] = "closest"
     """Each point of the source meets the closest of the target, or the voxel that it lies in."""
 
-    gates: tuple[float, ...] = (20.0, 5.0, 1.0)
+    max_correspondence_distances: tuple[float, ...] = (20.0, 5.0, 1.0)
     """Points this far apart or farther do not meet [m]; coarsest first, each gate from the pose
     of the last. Segal et al. call it d_max. Not for voxels: their width is their gate."""
 
-    voxel_widths: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
+    target_voxel_sizes: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
     """Sides of the voxels [m]; coarsest first, each width from the pose of the last."""
 
-    spacing: float = 0.25
+    voxel_size: float = 0.25
     """Either scan is thinned to the mean of its points in each voxel of this side [m]."""
 
     neighbours: int = 10
@@ -98,60 +98,65 @@ class Gicp:
     shape: SurfaceShape = "plane"
     """What the neighbours are taken for, see `scanlock.models.surfaces`."""
 
-    widest: float = 10.0
+    max_surface_radius: float = 10.0
     """Points whose neighbours lie farther from their mean [m, root mean square] have no surface,
     and are left out: stray returns, and what sensors write where nothing returned."""
 
-    thinness: float = 1e-3
+    covariance_epsilon: float = 1e-3
     """Variance across the surface, where that along it is 1 [m^2]; the paper's epsilon."""
 
     solver: Solver = field(
         default_factory=lambda: LevenbergMarquardt(
-            criteria=ConvergenceCriteria(step=1e-4, iterations=10)
+            criteria=ConvergenceCriteria(step_tolerance=1e-4, max_iterations=10)
         )
     )
     """Minimises over the pose while the pairs are held."""
 
-    tolerance: float = 1e-3
+    step_tolerance: float = 1e-3
     """The pairing ends when new pairs move the pose by less [m, rotations at the lever]."""
 
-    rounds: int = 60
+    max_iterations: int = 60
     """How often points are paired anew at one scale, at most."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
-        if self.meeting not in ("closest", "voxel"):
-            raise InvalidInput(f"meeting must be 'closest' or 'voxel', got {self.meeting!r}")
-        for name, scales in (("gates", self.gates), ("voxel_widths", self.voxel_widths)):
+        if self.search not in ("closest", "voxel"):
+            raise InvalidInput(f"meeting must be 'closest' or 'voxel', got {self.search!r}")
+        for name, scales in (
+            ("max_correspondence_distances", self.max_correspondence_distances),
+            ("target_voxel_sizes", self.target_voxel_sizes),
+        ):
             if not scales or list(scales) != sorted(scales, reverse=True):
                 raise InvalidInput(f"{name} must not grow from scale to scale, got {scales}")
             for scale in scales:
                 require_positive(name, scale, unit="m")
-        require_positive("spacing", self.spacing, unit="m")
-        require_positive("widest", self.widest, unit="m")
-        require_positive("tolerance", self.tolerance, unit="m")
-        require_count("rounds", self.rounds)
+        require_positive("voxel_size", self.voxel_size, unit="m")
+        require_positive("max_surface_radius", self.max_surface_radius, unit="m")
+        require_positive("step_tolerance", self.step_tolerance, unit="m")
+        require_count("max_iterations", self.max_iterations)
         require_positive("lever", self.rotation_scale, unit="m")
-        require_surface(self.neighbours, self.shape, self.thinness)
+        require_surface(self.neighbours, self.shape, self.covariance_epsilon)
 
     def prepare(self, cloud: PointCloud) -> SurfaceScan:
         """Return what the method keeps of a scan."""
         clock = StageClock()
         with clock.stage("thin"):
-            tree = PointTree.from_points(voxel_means(cloud.points, self.spacing))
+            tree = PointTree.from_points(voxel_means(cloud.points, self.voxel_size))
             count = len(tree)
         with clock.stage("surface"):
             around = Neighbourhoods.around(tree, self.neighbours)
-            is_surface = around.widths <= self.widest
+            is_surface = around.widths <= self.max_surface_radius
             if not is_surface.all() and is_surface.any():
                 rows = np.flatnonzero(is_surface)
                 tree = PointTree.from_points(tree.points[rows])
                 around = around.taken(rows[tree.rows])
-            surface = SurfacePoints(tree.points, around.covariances(self.shape, self.thinness))
+            surface = SurfacePoints(
+                tree.points, around.covariances(self.shape, self.covariance_epsilon)
+            )
         with clock.stage("voxels"):
-            widths = self.voxel_widths if self.meeting == "voxel" else ()
+            widths = self.target_voxel_sizes if self.search == "voxel" else ()
             voxels = tuple(SurfaceVoxels.from_points(surface, width) for width in widths)
         return SurfaceScan(cloud, surface, tree, voxels, count - len(tree), clock.seconds)
 
@@ -190,7 +195,11 @@ class Gicp:
 
     @property
     def _scales(self) -> tuple[float, ...]:
-        return self.gates if self.meeting == "closest" else self.voxel_widths
+        return (
+            self.max_correspondence_distances
+            if self.search == "closest"
+            else self.target_voxel_sizes
+        )
 
     def _descend(
         self,
@@ -203,11 +212,13 @@ class Gicp:
     ) -> Solution:
         """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
         is_last = scale == self._scales[-1]
-        tolerance = self.tolerance if is_last else max(self.tolerance, _LOOSE_STEP * scale)
+        tolerance = (
+            self.step_tolerance if is_last else max(self.step_tolerance, _LOOSE_STEP * scale)
+        )
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
         objective: Objective | None = None
-        for _ in range(self.rounds):
+        for _ in range(self.max_iterations):
             pairs, distance = self._meet(scale, target, source, pose, closest)
             note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
             if pairs.count < _LEAST_POINTS:
@@ -244,11 +255,11 @@ class Gicp:
     ) -> tuple[DistributionPairs, float]:
         """Return the pairs at a pose, and the mean distance [m] of the closest points that met."""
         moved = pose.apply(source.surface.points)
-        if self.meeting == "closest":
+        if self.search == "closest":
             surface = target.surface
             partners, distances = closest.nearest(moved, scale)
         else:
-            voxels = target.voxels[self.voxel_widths.index(scale)]
+            voxels = target.voxels[self.target_voxel_sizes.index(scale)]
             surface, partners = voxels.surface, voxels.rows_of(moved)
             distances = np.full(len(partners), math.nan)
         pairs = DistributionPairs.at(pose, surface, source.surface, partners, self.solver.curvature)

@@ -39,22 +39,22 @@ class Icp:
     search: Search = "k-d tree"
     """How closest points are found: a k-d tree, or the paper's Delaunay tessellation."""
 
-    pairing: CorrespondenceFinder = field(default_factory=CorrespondenceFinder)
+    correspondences: CorrespondenceFinder = field(default_factory=CorrespondenceFinder)
     """Which pairs count, and how much."""
 
-    settling: float = 0.01
+    statistics_switch_step: float = 0.01
     """An adaptive gate looks at all pairs until the pose moves by less than this [m], rotations
     counted at the lever, and from then on at those within its last limit: a wide basin first, a
     precise end after it. With infinity it looks at the latter from the second iteration on, as
     in Zhang 1994; gates with statistics of all pairs never do."""
 
-    fit: TransformEstimation = field(default_factory=TransformEstimation)
+    estimation: TransformEstimation = field(default_factory=TransformEstimation)
     """How pairs become a motion."""
 
     noise: SensorNoise | None = None
     """Noise of both sensors, by which pairs are weighed; None weighs all alike."""
 
-    spacing: float | None = 0.5
+    voxel_size: float | None = 0.5
     """Either scan is thinned to the mean of its points in each voxel of this side [m]; None takes
     all points, as in the paper."""
 
@@ -82,9 +82,11 @@ class Icp:
         gate = AdaptiveRejection(good_distance=good_distance, statistics="all")
         return cls(
             search="delaunay",
-            pairing=CorrespondenceFinder(gate=gate, reach=math.inf),
-            spacing=None,
-            criteria=IcpConvergenceCriteria(change=0.01),
+            correspondences=CorrespondenceFinder(
+                rejection=gate, max_correspondence_distance=math.inf
+            ),
+            voxel_size=None,
+            criteria=IcpConvergenceCriteria(relative_change=0.01),
         )
 
     def __post_init__(self) -> None:
@@ -92,10 +94,10 @@ class Icp:
             raise InvalidInput(
                 f"search must be {' or '.join(map(repr, get_args(Search)))}, got {self.search!r}"
             )
-        if self.settling != math.inf:
-            require_positive("settling", self.settling, unit="m")
-        if self.spacing is not None:
-            require_positive("spacing", self.spacing, unit="m")
+        if self.statistics_switch_step != math.inf:
+            require_positive("statistics_switch_step", self.statistics_switch_step, unit="m")
+        if self.voxel_size is not None:
+            require_positive("voxel_size", self.voxel_size, unit="m")
         require_count("neighbours", self.neighbours, MIN_NEIGHBOURS)
 
     def prepare(self, cloud: PointCloud) -> PointScan:
@@ -103,15 +105,18 @@ class Icp:
         clock = StageClock()
         with clock.stage("thin"):
             points = cloud.points
-            if self.spacing is not None:
-                points = voxel_means(points, self.spacing)
+            if self.voxel_size is not None:
+                points = voxel_means(points, self.voxel_size)
         with clock.stage("search"):
             tree = PointTree.from_points(points)
             closest = closest_points(tree, self.search)
             spacing = typical_spacing(tree)
         normals, covariances = np.zeros((0, 3)), np.zeros((0, 6))
         with clock.stage("surface"):
-            if self.fit.residual == "point-to-plane" or self.pairing.orientation is not None:
+            if (
+                self.estimation.residual == "point-to-plane"
+                or self.correspondences.max_normal_angle is not None
+            ):
                 normals = surface_normals(tree, self.neighbours)
             if self.noise is not None:
                 covariances = self.noise.covariances(tree.points)
@@ -148,7 +153,10 @@ class Icp:
             return found[0]
         gaps = [self.annealing.trimmed_distance(target, source, one.pose) for one in supported]
         best = int(np.argmin(gaps))
-        if supported[0] is found[0] and gaps[best] >= (1.0 - self.annealing.advantage) * gaps[0]:
+        if (
+            supported[0] is found[0]
+            and gaps[best] >= (1.0 - self.annealing.min_improvement) * gaps[0]
+        ):
             best = 0
         note = f"annealing found {len(starts) - 1} starts; trimmed distance {gaps[best]:.3g} m"
         kept = supported[best]
@@ -159,21 +167,23 @@ class Icp:
     ) -> Solution:
         """Pair and fit in turn."""
         target = replace(target, closest=cached_neighbours(target.closest))
-        trail = IcpHistory(self.fit.rotation_scale)
-        trail.note(self.pairing.gate.note(target.spacing))
+        trail = IcpHistory(self.estimation.rotation_scale)
+        trail.note(self.correspondences.rejection.note(target.spacing))
         pose, most = start, math.inf
         while True:
-            previous = trail.settled_limit(self.settling, pose)
-            pairs = self.pairing.pair(target, source, pose, previous, most, self.fit.residual)
+            previous = trail.settled_limit(self.statistics_switch_step, pose)
+            pairs = self.correspondences.find(
+                target, source, pose, previous, most, self.estimation.residual
+            )
             if pairs.effective < MIN_CORRESPONDENCES:
                 trail.add(_NOTHING, pose, pairs, accepted=False)
                 return trail.solution(start, _NOTHING, StopReason.EMPTY_OBJECTIVE)
-            objective = self.fit.objective(target, source, pairs, pose)
+            objective = self.estimation.objective(target, source, pairs, pose)
             restrained = constraints.on(objective)
             quadratic = restrained.linearise(pose)
             trail.add(quadratic, pose, pairs)
             reason, note = self.criteria.reason(trail.history)
-            if reason is None and (period := trail.period(self.criteria.step)):
+            if reason is None and (period := trail.period(self.criteria.step_tolerance)):
                 # Limits that grow and shrink in turn are held at their least; what comes back
                 # even so are pairs that change sides, for ever.
                 reason = StopReason.STEP_SMALL if most < math.inf else None
@@ -185,7 +195,7 @@ class Icp:
                 share = len(pairs) / len(source.points)
                 trail.note(f"{len(pairs)} pairs, {share:.0%} of the source")
                 return trail.solution(pose, quadratic, reason, restrained)
-            pose, note = self.fit.moved(objective, quadratic, pose, constraints)
+            pose, note = self.estimation.next_pose(objective, quadratic, pose, constraints)
             trail.note(note)
 
 

@@ -30,23 +30,23 @@ class AnnealedStart:
     annealing: Annealing = field(default_factory=Annealing)
     """The search itself."""
 
-    sample: int = 500
+    sample_size: int = 500
     """Points of the source that are looked up at each pose."""
 
-    ground_share: float = 0.3
+    ground_ratio: float = 0.3
     """Share of them on the ground, which holds height and tilt; what stands holds the rest."""
 
-    width: float = 0.5
+    cell_size: float = 0.5
     """Side of the cubes of the distance field, and of the voxels that standing points are thinned
     to [m]."""
 
-    truncation: float = 5.0
+    max_distance: float = 5.0
     """Distances count no more than this [m]; it is also how far the field draws a point."""
 
-    trim: float = 0.8
+    inlier_ratio: float = 0.8
     """Share of the points whose distances count, the smallest: the rest may be hidden."""
 
-    advantage: float = 0.01
+    min_improvement: float = 0.01
     """The descent from the initial pose is kept unless another ends with a trimmed distance
     smaller by more than this share of it. Fixed points of ICP lie centimetres apart, as good as
     each other, and chance would decide between them."""
@@ -55,24 +55,24 @@ class AnnealedStart:
     """Decides which points are sampled."""
 
     def __post_init__(self) -> None:
-        require_count("sample", self.sample)
-        require_fraction("ground_share", self.ground_share)
-        require_positive("width", self.width, unit="m")
-        require_positive("truncation", self.truncation, unit="m")
-        require_positive("trim", self.trim)
-        require_fraction("trim", self.trim)
-        require_fraction("advantage", self.advantage)
+        require_count("sample_size", self.sample_size)
+        require_fraction("ground_ratio", self.ground_ratio)
+        require_positive("cell_size", self.cell_size, unit="m")
+        require_positive("max_distance", self.max_distance, unit="m")
+        require_positive("inlier_ratio", self.inlier_ratio)
+        require_fraction("inlier_ratio", self.inlier_ratio)
+        require_fraction("min_improvement", self.min_improvement)
         require_count("seed", self.seed, 0)
 
     def sampled(self, cloud: PointCloud) -> Points:
         """Return (k, 3) points of a scan to look up: mostly what stands on its ground."""
         ground = Segmenter().ground.find(cloud)
-        standing = _thinned(cloud.points[is_obstacle(cloud, ground)], self.width)
+        standing = _thinned(cloud.points[is_obstacle(cloud, ground)], self.cell_size)
         level = _thinned(cloud.points[ground.is_ground], _GROUND_WIDTH)
         rng = np.random.default_rng(self.seed)
-        count = min(len(standing), self.sample - round(self.ground_share * self.sample))
+        count = min(len(standing), self.sample_size - round(self.ground_ratio * self.sample_size))
         chosen = rng.choice(standing, count, replace=False)
-        others = rng.choice(level, min(len(level), self.sample - count), replace=False)
+        others = rng.choice(level, min(len(level), self.sample_size - count), replace=False)
         return np.concatenate([chosen, others])
 
     def poses(
@@ -81,7 +81,7 @@ class AnnealedStart:
         """Return the start and the poses that the search found, to descend from each."""
         if not len(source.sample):
             return (start,)
-        distances = DistanceField.from_points(target.points, self.width, self.truncation)
+        distances = DistanceField.from_points(target.points, self.cell_size, self.max_distance)
 
         def energy(pose: Pose) -> float:
             return self._trimmed_mean(distances.at(pose.apply(source.sample)))
@@ -94,11 +94,11 @@ class AnnealedStart:
 
         To the points themselves, not by the field: fine enough to choose between results.
         """
-        _, distances = target.closest.nearest(pose.apply(source.points), self.truncation)
-        return self._trimmed_mean(np.minimum(distances, self.truncation))
+        _, distances = target.closest.nearest(pose.apply(source.points), self.max_distance)
+        return self._trimmed_mean(np.minimum(distances, self.max_distance))
 
     def _trimmed_mean(self, distances: Vector) -> float:
-        count = max(1, round(self.trim * len(distances)))
+        count = max(1, round(self.inlier_ratio * len(distances)))
         return float(np.partition(distances, count - 1)[:count].mean())
 
 

@@ -21,22 +21,22 @@ class IcpConvergenceCriteria:
     mean_distance: float | None = None
     """Stop when the pairs are this close on average [m]; None never asks."""
 
-    change: float = 0.0
+    relative_change: float = 0.0
     """Stop when translation and rotation change by no more than this share of themselves, 0.01
     in Zhang 1994. Shares of a motion near zero mean nothing, so `step` counts besides."""
 
-    step: float = 1e-6
+    step_tolerance: float = 1e-6
     """Stop when the pose changes by less than this [m], rotations counted at the lever."""
 
-    iterations: int = 200
+    max_iterations: int = 200
     """Pairings allowed; from afar, closed forms creep."""
 
     def __post_init__(self) -> None:
         if self.mean_distance is not None:
             require_positive("mean_distance", self.mean_distance, unit="m")
-        require_at_least("change", self.change, 0.0)
-        require_positive("step", self.step, unit="m")
-        require_count("iterations", self.iterations)
+        require_at_least("relative_change", self.relative_change, 0.0)
+        require_positive("step_tolerance", self.step_tolerance, unit="m")
+        require_count("max_iterations", self.max_iterations)
 
     def reason(self, history: list[Iteration]) -> tuple[StopReason | None, str]:
         """Return why to stop after the last of these iterations, and a note; None to go on."""
@@ -47,17 +47,20 @@ class IcpConvergenceCriteria:
                 f"{self.mean_distance:g} m"
             )
         if len(history) > 1:
-            if last.step_norm < self.step:
+            if last.step_norm < self.step_tolerance:
                 return StopReason.STEP_SMALL, "stopped because the pose changed no more"
             metres, radians = last.pose.distance(history[-2].pose)
             distance, angle = last.pose.distance(Pose.identity())
-            if metres <= self.change * distance and radians <= self.change * angle:
+            if (
+                metres <= self.relative_change * distance
+                and radians <= self.relative_change * angle
+            ):
                 return StopReason.STEP_SMALL, (
-                    f"stopped because translation and rotation changed by {self.change:g} of "
+                    f"stopped because translation and rotation changed by {self.relative_change:g} of "
                     "themselves at most"
                 )
-        if len(history) >= self.iterations:
-            return StopReason.ITERATION_LIMIT, f"stopped after {self.iterations} iterations"
+        if len(history) >= self.max_iterations:
+            return StopReason.ITERATION_LIMIT, f"stopped after {self.max_iterations} iterations"
         return None, ""
 
 
@@ -87,7 +90,7 @@ class IcpHistory:
                 quadratic.value, slope, moved, accepted, pose, pairs.mean_distance, len(pairs)
             )
         )
-        self.limits.append(pairs.limit)
+        self.limits.append(pairs.threshold)
 
     def step_between(self, one: Pose, other: Pose) -> float:
         """Return how far apart two poses are [m], rotations counted at the lever."""

@@ -83,7 +83,7 @@ class MskmNdt:
     score: Literal["p2d", "d2d"] = "p2d"
     """Points of the source, or its Gaussians, against the Gaussians of the target."""
 
-    counts: tuple[int, ...] = (12, 50, 200, 400)
+    cluster_counts: tuple[int, ...] = (12, 50, 200, 400)
     """How many parts at each scale; fewest first, each scale from the pose of the last."""
 
     points: Literal["obstacles", "all"] = "all"
@@ -93,13 +93,13 @@ class MskmNdt:
     ground: GroundFinder = field(default_factory=GroundFinder)
     """Finds the ground that obstacles stand on."""
 
-    spacing: float = 0.5
+    voxel_size: float = 0.5
     """The mean of the points in each cube of this side [m] stands for them."""
 
     k_means: KMeans = field(default_factory=KMeans)
     """Parts the thinned points."""
 
-    least_count: int = 6
+    min_points: int = 6
     """Parts of fewer thinned points are left out."""
 
     min_deviation: float = 0.1
@@ -122,12 +122,14 @@ class MskmNdt:
             raise InvalidInput(f"score must be 'p2d' or 'd2d', got {self.score!r}")
         if self.points not in ("obstacles", "all"):
             raise InvalidInput(f"points must be 'obstacles' or 'all', got {self.points!r}")
-        if not self.counts or list(self.counts) != sorted(self.counts):
-            raise InvalidInput(f"counts must not fall from scale to scale, got {self.counts}")
-        for count in self.counts:
-            require_count("counts", count)
-        require_positive("spacing", self.spacing, unit="m")
-        require_count("least_count", self.least_count, 2)
+        if not self.cluster_counts or list(self.cluster_counts) != sorted(self.cluster_counts):
+            raise InvalidInput(
+                f"counts must not fall from scale to scale, got {self.cluster_counts}"
+            )
+        for count in self.cluster_counts:
+            require_count("cluster_counts", count)
+        require_positive("voxel_size", self.voxel_size, unit="m")
+        require_count("min_points", self.min_points, 2)
         require_positive("deviation_floor", self.min_deviation, unit="m")
         require_at_least("weight_power", self.weight_power, 0.0)
         require_fraction("loose_step", self.coarse_tolerance)
@@ -142,8 +144,8 @@ class MskmNdt:
                 points = measured_points(cloud)
         with clock.stage("k-means"):
             # In the order of their cubes, so that the order of the caller's rows does not matter.
-            thinned = read_only(voxel_means(points, self.spacing))
-            gaussians = tuple(self._gaussians(thinned, count) for count in self.counts)
+            thinned = read_only(voxel_means(points, self.voxel_size))
+            gaussians = tuple(self._gaussians(thinned, count) for count in self.cluster_counts)
         shares = shares_of(gaussians, len(thinned))
         return KMeansScan(cloud, thinned, gaussians, shares, clock.seconds)
 
@@ -159,7 +161,7 @@ class MskmNdt:
 
     def _gaussians(self, points: Points, count: int) -> Gaussians:
         labels = self.k_means.labels(points, count)
-        found = Gaussians.from_labels(points, labels, self.least_count)
+        found = Gaussians.from_labels(points, labels, self.min_points)
         return found.regularised(self.min_deviation)
 
     def _stages(

@@ -17,8 +17,8 @@ from scanlock.registration.methods.coarse_to_fine import Scale
 from scanlock.registration.search.hypothesis import Hypothesis, distinct
 
 HYPOTHESIS_SCALES = (
-    Scale(blur=1.0, max_radius=3.0, weight_power=0.25),
-    Scale(blur=0.0, max_radius=1.5, weight_power=0.25),
+    Scale(smoothing=1.0, max_radius=3.0, weight_power=0.25),
+    Scale(smoothing=0.0, max_radius=1.5, weight_power=0.25),
 )
 """For starts within 2 m and a few degrees. A wider blur would pull scans that share little to where
 their centres meet; and near objects, rich in points, may move with the sensor: its carrier, its
@@ -47,32 +47,34 @@ class MultiStart:
     scales: tuple[Scale, ...] = HYPOTHESIS_SCALES
     """Coarsest first."""
 
-    solver: Solver = field(default_factory=lambda: Newton(criteria=ConvergenceCriteria(step=5e-3)))
+    solver: Solver = field(
+        default_factory=lambda: Newton(criteria=ConvergenceCriteria(step_tolerance=5e-3))
+    )
     """Minimises at each scale. What is left after a step of 5 mm is a fraction of a millimetre, and
     the last stage goes on from there."""
 
     coarse_tolerance: float = 0.01
     """A blurred scale stops at steps below this share of its blur."""
 
-    least_share: float = 0.4
+    min_score_ratio: float = 0.4
     """A descent whose score at a scale is below this share of the best one's is given up."""
 
-    most: int = 4
+    max_kept: int = 4
     """How many go on after each scale, at most."""
 
-    apart: tuple[float, float] = (0.5, 0.05)
+    min_separation: tuple[float, float] = (0.5, 0.05)
     """Two descents that end closer than this are one [m, rad]."""
 
     def __post_init__(self) -> None:
         if not self.scales:
             raise InvalidInput("scales must not be empty")
         require_fraction("loose_step", self.coarse_tolerance)
-        require_fraction("least_share", self.least_share)
-        require_count("most", self.most, 1)
-        for one, unit in zip(self.apart, ("m", "rad"), strict=True):
-            require_positive("apart", one, unit=unit)
+        require_fraction("min_score_ratio", self.min_score_ratio)
+        require_count("max_kept", self.max_kept, 1)
+        for one, unit in zip(self.min_separation, ("m", "rad"), strict=True):
+            require_positive("min_separation", one, unit=unit)
 
-    def follow(
+    def refine(
         self,
         target: Sequence[Gaussians],
         source: Sequence[Gaussians],
@@ -98,13 +100,13 @@ class MultiStart:
         for index, scale in enumerate(self.scales):
             objective = constraints.on(
                 GaussiansToGaussians(
-                    target=target[index].inflated(scale.blur),
-                    source=source[index].inflated(scale.blur),
+                    target=target[index].inflated(scale.smoothing),
+                    source=source[index].inflated(scale.smoothing),
                     weight_power=scale.weight_power,
                     curvature=self.solver.curvature,
                 )
             )
-            solver = with_tolerance(self.solver, self.coarse_tolerance * scale.blur)
+            solver = with_tolerance(self.solver, self.coarse_tolerance * scale.smoothing)
             ended = [
                 RefinedHypothesis(
                     proposed_by, replace(solver.minimise(objective, pose), objective=objective)
@@ -130,7 +132,7 @@ class MultiStart:
         good = [
             one
             for rank, (score, one) in enumerate(scored)
-            if rank == 0 or score >= self.least_share * scored[0][0]
+            if rank == 0 or score >= self.min_score_ratio * scored[0][0]
         ]
-        rows = distinct([one.solution.pose for one in good], *self.apart)
-        return [good[row] for row in rows[: self.most]]
+        rows = distinct([one.solution.pose for one in good], *self.min_separation)
+        return [good[row] for row in rows[: self.max_kept]]

@@ -29,14 +29,14 @@ Meeting = Literal[CellAssociation, "all"]
 class Ndt:
     """Settings of NDT; `prepare` each scan once, `align` as many pairs as wanted."""
 
-    widths: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
+    cell_sizes: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
     """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
 
     The first sets the basin, the last the precision; a width is passed over where most points of
     the target lie in cells of too few.
     """
 
-    meeting: Meeting = "near-cells"
+    association: Meeting = "near-cells"
     """Which Gaussians of the target a point of the source meets."""
 
     outlier_ratio: float = 0.55
@@ -45,7 +45,7 @@ class Ndt:
     grid: VoxelGrid = field(default_factory=VoxelGrid)
     """What becomes of the points of a voxel."""
 
-    spacing: float = 0.5
+    voxel_size: float = 0.5
     """The mean of the source's points in each cube of this side [m] stands for them; 0 for all."""
 
     solver: Solver = field(default_factory=Newton)
@@ -55,13 +55,13 @@ class Ndt:
     """All widths but the last stop at steps below this share of theirs: the next one goes on."""
 
     def __post_init__(self) -> None:
-        require_widths(self.widths)
-        if self.meeting not in (*_CELL_MEETINGS, "all"):
+        require_widths(self.cell_sizes)
+        if self.association not in (*_CELL_MEETINGS, "all"):
             raise InvalidInput(
-                f"meeting must be one of {', '.join(_CELL_MEETINGS)}, all, got {self.meeting!r}"
+                f"meeting must be one of {', '.join(_CELL_MEETINGS)}, all, got {self.association!r}"
             )
         ScoreShape.magnusson(1.0, self.outlier_ratio)
-        require_at_least("spacing", self.spacing, 0.0, unit="m")
+        require_at_least("voxel_size", self.voxel_size, 0.0, unit="m")
         require_fraction("loose_step", self.coarse_tolerance)
 
     @classmethod
@@ -70,12 +70,12 @@ class Ndt:
 
         They ran the Point Cloud Library, and describe each point in the cell that it lies in.
         """
-        solver = Newton(criteria=ConvergenceCriteria(gradient=1e-6, step=1e-6))
-        return cls(widths=(3.0,), meeting="own-cell", spacing=0.0, solver=solver)
+        solver = Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-6, step_tolerance=1e-6))
+        return cls(cell_sizes=(3.0,), association="own-cell", voxel_size=0.0, solver=solver)
 
     def prepare(self, cloud: PointCloud) -> VoxelScan:
         """Return what the method keeps of a scan."""
-        return prepare_voxels(cloud, self.grid, self.widths, self.spacing)
+        return prepare_voxels(cloud, self.grid, self.cell_sizes, self.voxel_size)
 
     def align(
         self,
@@ -100,14 +100,14 @@ class Ndt:
     def _objective(self, voxels: VoxelGaussians, points: Points) -> Objective:
         shape = ScoreShape.magnusson(voxels.width, self.outlier_ratio)
         curvature = self.solver.curvature
-        if self.meeting == "all":
+        if self.association == "all":
             return PointsToGaussians(
                 target=voxels.gaussians, points=points, shape=shape, curvature=curvature
             )
         return PointsToCells(
             target=voxels,
             points=points,
-            meeting=self.meeting,
+            association=self.association,
             shape=shape,
             curvature=curvature,
         )

@@ -37,17 +37,17 @@ score; only the last is continuous.
 class NdtD2d:
     """Settings of NDT-D2D; `prepare` each scan once, `align` as many pairs as wanted."""
 
-    widths: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
+    cell_sizes: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
     """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
 
     The first sets the basin, the last the precision; a width is passed over where most points of
     either scan lie in cells of too few.
     """
 
-    meeting: Meeting = "all"
+    association: Meeting = "all"
     """Which Gaussians of the target one of the source meets."""
 
-    cells_around: int = 2
+    neighbour_cells: int = 2
     """How many cells away Gaussians still meet, where cells around do; 2 as published."""
 
     shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
@@ -67,12 +67,12 @@ class NdtD2d:
     """All widths but the last stop at steps below this share of theirs: the next one goes on."""
 
     def __post_init__(self) -> None:
-        require_widths(self.widths)
-        if self.meeting not in get_args(Meeting):
+        require_widths(self.cell_sizes)
+        if self.association not in get_args(Meeting):
             raise InvalidInput(
-                f"meeting must be one of {', '.join(get_args(Meeting))}, got {self.meeting!r}"
+                f"meeting must be one of {', '.join(get_args(Meeting))}, got {self.association!r}"
             )
-        require_count("cells_around", self.cells_around, 0)
+        require_count("neighbour_cells", self.neighbour_cells, 0)
         require_at_least("weight_power", self.weight_power, 0.0)
         require_fraction("loose_step", self.coarse_tolerance)
 
@@ -84,16 +84,16 @@ class NdtD2d:
         down to 1 mm, at most 30 at a width. Their line search is not the solver here.
         """
         return cls(
-            widths=(2.0, 1.0, 0.5),
-            meeting="cells-around",
+            cell_sizes=(2.0, 1.0, 0.5),
+            association="cells-around",
             shape=ScoreShape(sharpness=0.05),
             weight_power=0.0,
-            solver=Newton(criteria=ConvergenceCriteria(step=1e-3, iterations=30)),
+            solver=Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=30)),
         )
 
     def prepare(self, cloud: PointCloud) -> VoxelScan:
         """Return what the method keeps of a scan."""
-        return prepare_voxels(cloud, self.grid, self.widths)
+        return prepare_voxels(cloud, self.grid, self.cell_sizes)
 
     def align(
         self,
@@ -123,8 +123,8 @@ class NdtD2d:
             yield with_tolerance(self.solver, loose), constraints.on(objective)
 
     def _candidates(self, target: VoxelGaussians) -> Association | None:
-        if self.meeting == "nearest":
+        if self.association == "nearest":
             return NearestAssociation(PointTree.from_points(target.gaussians.means))
-        if self.meeting == "cells-around":
-            return NeighbourCells(target, self.cells_around)
+        if self.association == "cells-around":
+            return NeighbourCells(target, self.neighbour_cells)
         return None

@@ -30,11 +30,11 @@ class Rejection(Protocol):
     """Settings that tell from the distances of all pairs how far apart a good pair may be."""
 
     @property
-    def reach(self) -> float:
+    def max_distance(self) -> float:
         """Distance beyond which no pair will ever be kept [m]; the search need not look there."""
         ...
 
-    def limit(self, distances: Vector, previous: float, spacing: float) -> float:
+    def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
         """Return the largest distance of a good pair [m].
 
         Parameters
@@ -57,20 +57,20 @@ class Rejection(Protocol):
 class FixedRejection:
     """The same limit in every iteration."""
 
-    distance: float = 1.0
+    max_correspondence_distance: float = 1.0
     """Pairs farther apart are dropped [m]."""
 
     def __post_init__(self) -> None:
-        require_positive("distance", self.distance, unit="m")
+        require_positive("max_correspondence_distance", self.max_correspondence_distance, unit="m")
 
     @property
-    def reach(self) -> float:
+    def max_distance(self) -> float:
         """The limit itself [m]."""
-        return self.distance
+        return self.max_correspondence_distance
 
-    def limit(self, distances: Vector, previous: float, spacing: float) -> float:
+    def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
         """Return the fixed distance."""
-        return self.distance
+        return self.max_correspondence_distance
 
     def note(self, spacing: float) -> str:
         """Return nothing: nothing was inferred."""
@@ -81,21 +81,21 @@ class FixedRejection:
 class TrimmedRejection:
     """The limit that keeps the closest share of the pairs (Chetverikov et al. 2002)."""
 
-    share: float = 0.7
+    inlier_ratio: float = 0.7
     """Share of the pairs to keep, about the share of the source that the target shows too."""
 
     def __post_init__(self) -> None:
-        require_positive("share", self.share)
-        require_fraction("share", self.share)
+        require_positive("inlier_ratio", self.inlier_ratio)
+        require_fraction("inlier_ratio", self.inlier_ratio)
 
     @property
-    def reach(self) -> float:
+    def max_distance(self) -> float:
         """Without end."""
         return np.inf
 
-    def limit(self, distances: Vector, previous: float, spacing: float) -> float:
+    def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
         """Return the distance of the last pair of the closest share."""
-        last = max(0, int(np.ceil(self.share * len(distances))) - 1)
+        last = max(0, int(np.ceil(self.inlier_ratio * len(distances))) - 1)
         return float(np.partition(distances, last)[last])
 
     def note(self, spacing: float) -> str:
@@ -115,7 +115,7 @@ class AdaptiveRejection:
     good_distance: float | None = None
     """Mean pair distance of well aligned scans, D [m]; None for `spacings` of the target's."""
 
-    spacings: float = 3.0
+    good_distance_in_spacings: float = 3.0
     """D over the typical distance between neighbouring points of the target.
 
     Zhang advises two to three. Scans a few metres apart hide parts of each other, which lifts the
@@ -127,53 +127,57 @@ class AdaptiveRejection:
     in the paper. What only one scan shows lifts the statistics of all pairs for good, so that the
     limit stays wide at the right pose."""
 
-    least_limit: float = 0.5
+    min_threshold_ratio: float = 0.5
     """The limit is never below this share of D: closer pairs differ by sampling alone."""
 
-    least_share: float = 0.1
+    min_kept_ratio: float = 0.1
     """The limit is widened until this share of the pairs is kept, and at least `least_pairs`."""
 
-    least_pairs: int = 50
+    min_kept: int = 50
     """As many of the pairs as there are of these are always kept."""
 
     def __post_init__(self) -> None:
         if self.good_distance is not None:
             require_positive("good_distance", self.good_distance, unit="m")
-        require_positive("spacings", self.spacings)
+        require_positive("good_distance_in_spacings", self.good_distance_in_spacings)
         if self.statistics not in ("all", "kept"):
             raise InvalidInput(f"statistics must be 'all' or 'kept', got {self.statistics!r}")
-        require_at_least("least_limit", self.least_limit, 0.0)
-        require_fraction("least_share", self.least_share)
-        require_count("least_pairs", self.least_pairs)
+        require_at_least("min_threshold_ratio", self.min_threshold_ratio, 0.0)
+        require_fraction("min_kept_ratio", self.min_kept_ratio)
+        require_count("min_kept", self.min_kept)
 
     @property
-    def reach(self) -> float:
+    def max_distance(self) -> float:
         """Without end."""
         return np.inf
 
-    def limit(self, distances: Vector, previous: float, spacing: float) -> float:
+    def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
         """Return the limit of the four cases, widened where it would keep too little."""
-        least_count = max(self.least_pairs, int(np.ceil(self.least_share * len(distances))))
+        least_count = max(self.min_kept, int(np.ceil(self.min_kept_ratio * len(distances))))
         last = min(least_count, len(distances)) - 1
         least_kept = float(np.partition(distances, last)[last])
         counted = distances
         # Statistics of what a small limit keeps are small themselves: never of too few pairs.
         if self.statistics == "kept" and previous >= least_kept:
             counted = distances[distances <= previous]
-        good = self.good(spacing)
-        return max(self._by_case(counted, good), self.least_limit * good, least_kept)
+        good = self.good_distance_at(spacing)
+        return max(self._by_case(counted, good), self.min_threshold_ratio * good, least_kept)
 
-    def good(self, spacing: float) -> float:
+    def good_distance_at(self, spacing: float) -> float:
         """Return D [m] for a target of this spacing."""
-        return self.good_distance if self.good_distance is not None else self.spacings * spacing
+        return (
+            self.good_distance
+            if self.good_distance is not None
+            else self.good_distance_in_spacings * spacing
+        )
 
     def note(self, spacing: float) -> str:
         """Return D and where it came from."""
         if self.good_distance is not None:
             return ""
         return (
-            f"good pair distance D = {self.good(spacing):.3g} m, "
-            f"{self.spacings:g} times the spacing of the target"
+            f"good pair distance D = {self.good_distance_at(spacing):.3g} m, "
+            f"{self.good_distance_in_spacings:g} times the spacing of the target"
         )
 
     def _by_case(self, distances: Vector, good: float) -> float:

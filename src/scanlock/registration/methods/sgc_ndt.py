@@ -31,32 +31,32 @@ class SgcNdt:
     score: Literal["d2d", "p2d"] = "d2d"
     """Gaussians of the source, or its obstacle points, against Gaussians of the target."""
 
-    landmarks: ClusterGaussianExtractor = field(default_factory=ClusterGaussianExtractor)
+    extractor: ClusterGaussianExtractor = field(default_factory=ClusterGaussianExtractor)
     """Lines 1 to 5: ground removed, the rest clustered, clusters as Gaussians."""
 
     schedule: CoarseToFine = field(default_factory=CoarseToFine)
     """Lines 6 to 21, at each scale in turn; `PAPER_SCALES` is the paper's single one."""
 
-    spacing: float = 0.5
+    voxel_size: float = 0.5
     """P2D takes the mean of the source's points in each voxel of this side [m]."""
 
-    spacing_share: float = 1.0
+    voxel_size_ratio: float = 1.0
     """P2D: under a blur the voxels grow to this share of it."""
 
-    merge_share: float = 1.0
+    merge_ratio: float = 1.0
     """D2D: under a blur, the Gaussians in one cube of this many blurs become one; 0 leaves them
     apart. The blur hides which they were; cubes of two blurs lose a pair carried by hand."""
 
     def __post_init__(self) -> None:
         if self.score not in ("d2d", "p2d"):
             raise InvalidInput(f"score must be 'd2d' or 'p2d', got {self.score!r}")
-        require_positive("spacing", self.spacing, unit="m")
-        require_fraction("spacing_share", self.spacing_share)
-        require_at_least("merge_share", self.merge_share, 0.0)
+        require_positive("voxel_size", self.voxel_size, unit="m")
+        require_fraction("voxel_size_ratio", self.voxel_size_ratio)
+        require_at_least("merge_ratio", self.merge_ratio, 0.0)
 
     def prepare(self, cloud: PointCloud) -> ClusterGaussians:
         """Return what the method keeps of a scan."""
-        return self.landmarks.find(cloud, [scale.max_radius for scale in self.schedule.scales])
+        return self.extractor.find(cloud, [scale.max_radius for scale in self.schedule.scales])
 
     def align(
         self,
@@ -70,9 +70,9 @@ class SgcNdt:
 
         def objective_at(index: int) -> Objective:
             scale = self.schedule.scales[index]
-            blur = scale.blur
+            blur = scale.smoothing
             if self.score == "p2d":
-                spacing = max(self.spacing, self.spacing_share * blur)
+                spacing = max(self.voxel_size, self.voxel_size_ratio * blur)
                 return PointsToGaussians(
                     target=target.gaussians[index].inflated(_POINT_BLUR * blur),
                     points=read_only(voxel_means(source.obstacles, spacing)),
@@ -88,8 +88,8 @@ class SgcNdt:
         return self.schedule.minimise(lambda index: constraints.on(objective_at(index)), start)
 
     def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
-        width = self.merge_share * scale.blur
+        width = self.merge_ratio * scale.smoothing
         # Without weights by count there is no count that would stand for several Gaussians.
         if width > 0.0 and scale.weight_power > 0.0:
             gaussians = gaussians.merged(width, scale.weight_power)
-        return gaussians.inflated(scale.blur)
+        return gaussians.inflated(scale.smoothing)

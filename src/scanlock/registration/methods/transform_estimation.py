@@ -37,13 +37,13 @@ _PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 class TransformEstimation:
     """Settings that turn pairs into a motion."""
 
-    step: Step = "svd"
+    algorithm: Step = "svd"
     """How the motion is found."""
 
     residual: Residual = "point-to-point"
     """What is made small: the distance of a pair, or that to the target's surface."""
 
-    deviation: float = 0.1
+    sampling_deviation: float = 0.1
     """Standard deviation of a pair by sampling [m]: hardly a point of a surface is met again. It
     scales the objective, and so what a prior weighs against. A noise model comes on top of it for
     points, and in its place for planes, which do not care where a point lies on them."""
@@ -52,20 +52,20 @@ class TransformEstimation:
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
-        if self.step not in ("svd", "quaternion", "gauss-newton"):
+        if self.algorithm not in ("svd", "quaternion", "gauss-newton"):
             raise InvalidInput(
-                f"step must be 'svd', 'quaternion' or 'gauss-newton', got {self.step!r}"
+                f"step must be 'svd', 'quaternion' or 'gauss-newton', got {self.algorithm!r}"
             )
         if self.residual not in ("point-to-point", "point-to-plane"):
             raise InvalidInput(
                 f"residual must be 'point-to-point' or 'point-to-plane', got {self.residual!r}"
             )
-        if self.residual == "point-to-plane" and self.step != "gauss-newton":
+        if self.residual == "point-to-plane" and self.algorithm != "gauss-newton":
             raise InvalidInput(
                 "step must be 'gauss-newton' for point-to-plane, which has no closed form, got "
-                f"{self.step!r}"
+                f"{self.algorithm!r}"
             )
-        require_positive("deviation", self.deviation, unit="m")
+        require_positive("sampling_deviation", self.sampling_deviation, unit="m")
         require_positive("lever", self.rotation_scale, unit="m")
 
     def objective(
@@ -80,8 +80,8 @@ class TransformEstimation:
         weights = pairs.weights / self._variances(target, source, pairs, pose)
         if self.residual == "point-to-plane":
             precisions = plane_precisions(target.normals[rows[0]], weights)
-        elif self.step == "gauss-newton" and len(target.covariances):
-            sampled = target.covariances[rows[0]] + self.deviation**2 * _PACKED_IDENTITY
+        elif self.algorithm == "gauss-newton" and len(target.covariances):
+            sampled = target.covariances[rows[0]] + self.sampling_deviation**2 * _PACKED_IDENTITY
             found = noise_precisions(sampled, source.covariances[rows[1]], pose)
             precisions = pairs.weights[:, None] * found
         else:
@@ -94,7 +94,7 @@ class TransformEstimation:
             precisions=precisions,
         )
 
-    def moved(
+    def next_pose(
         self, objective: PointPairs, quadratic: Quadratic, pose: Pose, constraints: Constraints
     ) -> tuple[Pose, str]:
         """Return the pose at which the pairs fit best, and a note where no closed form could.
@@ -109,7 +109,7 @@ class TransformEstimation:
         restraint : Restraint
         """
         note = ""
-        if self.step != "gauss-newton":
+        if self.algorithm != "gauss-newton":
             if constraints.prior is None:
                 increment = self._closed_form(objective, pose, constraints)
                 if increment is not None:
@@ -125,7 +125,7 @@ class TransformEstimation:
     ) -> Vector:
         """Return the (m,) variance of each residual [m^2], along one axis."""
         if not len(target.covariances):
-            return np.full(len(pairs), self.deviation**2)
+            return np.full(len(pairs), self.sampling_deviation**2)
         of_target = target.covariances[pairs.target_rows]
         of_source = source.covariances[pairs.source_rows]
         if self.residual == "point-to-plane":
@@ -133,7 +133,7 @@ class TransformEstimation:
             return variances_along(normals, of_target) + variances_along(
                 normals @ pose.rotation, of_source
             )
-        return (traces(of_target) + traces(of_source)) / 3.0 + self.deviation**2
+        return (traces(of_target) + traces(of_source)) / 3.0 + self.sampling_deviation**2
 
     def _closed_form(
         self, objective: PointPairs, pose: Pose, constraints: Constraints
@@ -150,5 +150,7 @@ class TransformEstimation:
         if not moments.holds_rotation:
             return None
         return (
-            moments.by_quaternion() if self.step == "quaternion" else moments.by_singular_values()
+            moments.by_quaternion()
+            if self.algorithm == "quaternion"
+            else moments.by_singular_values()
         )

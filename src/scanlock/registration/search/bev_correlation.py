@@ -48,41 +48,41 @@ _APART = 2
 class BevSearch:
     """Settings of the search; `view` each scan once, then `hypotheses` for any pair."""
 
-    viewer: BevGridder = field(default_factory=BevGridder)
+    gridder: BevGridder = field(default_factory=BevGridder)
     """What is seen of a scan from above."""
 
     headings: int = 92
     """How many, evenly around the circle, a multiple of four; 4 degrees are a cell at the end of
     the map."""
 
-    openness: float = 0.2
+    free_cell_weight: float = 0.2
     """What open ground counts against a full column; agrees with itself, and with none of them."""
 
     whitening: float = 0.5
     """Power of a frequency's magnitude that is divided out of the correlation: 0 leaves it, 1
     keeps the phase alone. Slopes and thickets are large and alike; posts and corners are not."""
 
-    fits_ground: bool = True
+    align_ground: bool = True
     """Whether height, roll and pitch follow the ground that both scans saw."""
 
-    most: int = 8
+    max_hypotheses: int = 8
     """How many hypotheses, at most."""
 
-    least_share: float = 0.5
+    min_score_ratio: float = 0.5
     """A peak below this share of the highest is no hypothesis."""
 
     def __post_init__(self) -> None:
         require_count("headings", self.headings, 4)
         if self.headings % 4:
             raise InvalidInput(f"headings must be a multiple of four, got {self.headings}")
-        require_at_least("openness", self.openness, 0.0)
+        require_at_least("free_cell_weight", self.free_cell_weight, 0.0)
         require_fraction("whitening", self.whitening)
-        require_count("most", self.most, 1)
-        require_fraction("least_share", self.least_share)
+        require_count("max_hypotheses", self.max_hypotheses, 1)
+        require_fraction("min_score_ratio", self.min_score_ratio)
 
-    def view(self, cloud: PointCloud, ground: Ground) -> BevGrid:
+    def grid(self, cloud: PointCloud, ground: Ground) -> BevGrid:
         """Return what the search needs of a scan."""
-        return self.viewer.view(cloud, ground)
+        return self.gridder.view(cloud, ground)
 
     def hypotheses(self, target: BevGrid, source: BevGrid) -> list[Hypothesis]:
         """Return the places of best agreement, best first; none where a scan shows nothing.
@@ -95,20 +95,20 @@ class BevSearch:
         agreement = self._agreement(target, source, cell)
         found: list[Hypothesis] = []
         best = 0.0
-        for _ in range(self.most):
+        for _ in range(self.max_hypotheses):
             heading, i, j = (
                 int(k) for k in np.unravel_index(int(agreement.argmax()), agreement.shape)
             )
             height = float(agreement[heading, i, j])
             best = max(best, height)
-            if height <= self.least_share * best:
+            if height <= self.min_score_ratio * best:
                 break
             quarter = heading // (self.headings // 4)
             x, y = _quarter_turned(_signed(i), _signed(j), quarter)
             turn = 2.0 * math.pi * heading / self.headings
             level = Pose(exp_rotation(np.array([0.0, 0.0, turn])), cell * np.array([x, y, 0.0]))
             pose = target.level_from_scan.inverse() @ level @ source.level_from_scan
-            if self.fits_ground:
+            if self.align_ground:
                 pose = ground_fitted(target, source, pose)
             found.append(Hypothesis(pose, height / best, "heading search"))
             _clear_around(agreement, heading, i, j)
@@ -157,7 +157,7 @@ class BevSearch:
 
     def _maps(self, view: BevGrid, turns: Vector, cell: float) -> _Maps:
         return turned_maps(
-            *_within(view, cell * _CELLS), self.openness, read_only(turns), cell, _SIDE
+            *_within(view, cell * _CELLS), self.free_cell_weight, read_only(turns), cell, _SIDE
         )
 
 

@@ -68,7 +68,7 @@ class ClusterMatcher:
     nearest: int = 10
     """Two parts match if each is among this many of the other's most alike."""
 
-    most_matches: int = 1000
+    max_matches: int = 1000
     """How many matches are compared with each other, the most alike; the cost is the square."""
 
     shape_tolerance: float = 0.4
@@ -88,24 +88,24 @@ class ClusterMatcher:
     angle_tolerance: float = 0.15
     """By how much the axes of parts may turn between views [rad]."""
 
-    least_distance: float = 2.0
+    min_distance: float = 2.0
     """Parts nearer to each other than this say nothing about a heading [m]."""
 
     grades: tuple[float, ...] = (1.0, 2.0, 4.0)
     """Sums of squared misfits, in tolerances, up to which two matches agree, ascending; each
     grade gives its own sets."""
 
-    sets_a_grade: int = 8
+    sets_per_grade: int = 8
     """How many sets of agreeing matches are tried at each grade."""
 
     overlap_width: float = 1.0
     """How near two parts come when they meet, a deviation [m]."""
 
-    most: int = 8
+    max_hypotheses: int = 8
     """How many hypotheses, at most."""
 
     def __post_init__(self) -> None:
-        for name in ("nearest", "most_matches", "sets_a_grade", "most"):
+        for name in ("nearest", "max_matches", "sets_per_grade", "max_hypotheses"):
             require_count(name, getattr(self, name))
         for name, unit in (
             ("shape_tolerance", ""),
@@ -116,7 +116,7 @@ class ClusterMatcher:
             require_positive(name, getattr(self, name), unit)
         require_fraction("slack", self.slack)
         require_at_least("slope_tolerance", self.slope_tolerance, 0.0)
-        require_positive("least_distance", self.least_distance, unit="m")
+        require_positive("min_distance", self.min_distance, unit="m")
         for grade in self.grades:
             require_positive("grades", grade)
         if not self.grades or list(self.grades) != sorted(self.grades):
@@ -161,7 +161,7 @@ class ClusterMatcher:
                 )
                 found.append((meeting * math.sqrt(len(members)), pose))
         found.sort(key=lambda one: one[0], reverse=True)
-        rows = distinct([pose for _, pose in found], *_DISTINCT)[: self.most]
+        rows = distinct([pose for _, pose in found], *_DISTINCT)[: self.max_hypotheses]
         return [
             Hypothesis(_between_scans(target, source, pose), weight, "cluster matching")
             for weight, pose in (found[row] for row in rows)
@@ -181,8 +181,8 @@ class ClusterMatcher:
         unlikeness[source.kinds[:, None] != target.kinds] = np.inf
         is_match = _mutually_near(unlikeness, self.nearest) & (unlikeness <= _MOST_UNLIKE)
         rows, columns = np.nonzero(is_match)
-        if len(rows) > self.most_matches:
-            order = np.argsort(unlikeness[rows, columns], kind="stable")[: self.most_matches]
+        if len(rows) > self.max_matches:
+            order = np.argsort(unlikeness[rows, columns], kind="stable")[: self.max_matches]
             rows, columns = rows[order], columns[order]
         affinities = np.exp(-0.5 / _SOFTNESS**2 * unlikeness)
         return _Matches(columns, rows, read_only(affinities))
@@ -202,7 +202,7 @@ class ClusterMatcher:
             pairs, shared = shared_neighbours(read_only(graph))
             order = np.argsort(-shared, kind="stable")
             grown = grown_sets(
-                read_only(graph), read_only(pairs[order]), self.sets_a_grade, _LARGEST_SET
+                read_only(graph), read_only(pairs[order]), self.sets_per_grade, _LARGEST_SET
             )
             sets += [row[row >= 0] for row in grown]
         return sets
@@ -216,7 +216,7 @@ class ClusterMatcher:
                 self.distance_tolerance,
                 self.slope_tolerance,
                 self.angle_tolerance,
-                self.least_distance,
+                self.min_distance,
             ]
         )
         grades = np.array(self.grades)

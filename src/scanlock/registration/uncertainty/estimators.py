@@ -51,44 +51,44 @@ _LEAST_ARM = 1.0
 class CovarianceEstimator:
     """Settings that find the covariance of a pose."""
 
-    way: CovarianceMethod = "sandwich"
+    method: CovarianceMethod = "sandwich"
     """``"sandwich"``, by the scatter among independent parts of the scene; ``"hessian"``, by the
     curvature at the minimum alone, as if each part were independent: overconfident, as it is
     elsewhere; ``"sampled"``, the sandwich plus the spread of where starts around the pose end."""
 
-    block: float = 8.0
+    block_size: float = 8.0
     """Parts in one cube of this side are one unit [m]."""
 
-    least_block: float = 0.5
+    min_block_size: float = 0.5
     """Where the parts fill fewer cubes than `least_units`, cubes are halved, down to this [m]."""
 
-    least_units: int = 20
+    min_blocks: int = 20
     """Of fewer cubes no covariance is told."""
 
-    floor: float = 3e-4
+    min_deviation: float = 3e-4
     """Least deviation of the parts as a whole [m], and of a rotation about their middle at their
     mean distance: scans that agree to the last digit are not exact."""
 
-    tilt: float = 1.75
+    tilt_inflation: float = 1.75
     """Rotations about the target's x and y, and what hangs on them, are this many times as far off
     as the scatter tells, beyond the factor of the method: they then have a third of the squared
     error in the mean over the methods. Where z does not point upwards, give 1."""
 
-    starts: tuple[float, float] = (0.3, 0.05)
+    start_deviations: tuple[float, float] = (0.3, 0.05)
     """The sampled way: deviations of the starts [m, rad]; those of what is known before."""
 
     def __post_init__(self) -> None:
-        if self.way not in get_args(CovarianceMethod):
+        if self.method not in get_args(CovarianceMethod):
             ways = ", ".join(get_args(CovarianceMethod))
-            raise InvalidInput(f"covariance must be one of {ways}, or None, got {self.way!r}")
-        for name in ("block", "least_block", "floor"):
+            raise InvalidInput(f"covariance must be one of {ways}, or None, got {self.method!r}")
+        for name in ("block_size", "min_block_size", "min_deviation"):
             require_positive(name, getattr(self, name), unit="m")
-        require_count("least_units", self.least_units, 8)
-        require_at_least("tilt", self.tilt, 1.0)
-        for one, unit in zip(self.starts, ("m", "rad"), strict=True):
-            require_positive("starts", one, unit=unit)
+        require_count("min_blocks", self.min_blocks, 8)
+        require_at_least("tilt_inflation", self.tilt_inflation, 1.0)
+        for one, unit in zip(self.start_deviations, ("m", "rad"), strict=True):
+            require_positive("start_deviations", one, unit=unit)
 
-    def of(
+    def estimate(
         self, solution: Solution, factor: float, align: Callable[[Pose], Solution]
     ) -> tuple[Matrix, float] | str:
         """Return the covariance of a solution's pose, or why there is none.
@@ -127,7 +127,7 @@ class CovarianceEstimator:
         to_place = np.eye(6)
         to_place[:3, 3:] = -hat(pose.translation)
         matrix = to_place @ full @ to_place.T
-        if self.way == "sampled":
+        if self.method == "sampled":
             spread = self._spread(pose, free, align)
             if spread is None:
                 return "no start around the pose led anywhere"
@@ -151,18 +151,18 @@ class CovarianceEstimator:
             prior = whole[np.ix_(free, free)] / objective.count
         arm = max(math.sqrt(3.0 * float(np.mean(np.square(places)))), _LEAST_ARM)
         scale = np.array([1.0, 1.0, 1.0, arm, arm, arm])[free]
-        if self.way == "hessian":
+        if self.method == "hessian":
             root = root_of(_whitened(objective, pose, free) + prior, scale)
             return _OPEN if root is None else (root @ root.T / objective.count, math.nan)
         shares = self._shares(objective, places, pose, free)
         if shares is None:
-            return f"fewer than {self.least_units} separate places of the scene met"
+            return f"fewer than {self.min_blocks} separate places of the scene met"
         root = root_of(shares.hessians.sum(axis=0) + prior, scale)
         if root is None:
             return _OPEN
         scatter, units = sandwich(shares, root)
         tilts = np.flatnonzero(np.isin(free, _TILTS))
-        scattered = tilted(root @ scatter @ root.T, tilts, self.tilt)
+        scattered = tilted(root @ scatter @ root.T, tilts, self.tilt_inflation)
         inverse = root @ root.T
         # A prior's gradient scatters by its own Hessian.
         return factor**2 * scattered + inverse @ prior @ inverse / objective.count, units
@@ -175,15 +175,15 @@ class CovarianceEstimator:
         The ways lie half a block apart along all axes: the covariance then hangs less on where
         the cubes happen to cut the scene.
         """
-        side = self.block
-        while side >= self.least_block:
+        side = self.block_size
+        while side >= self.min_block_size:
             labels, cells = voxel_cells(places, 0.5 * side)
             shares = objective.shares(pose, labels)
             met = np.flatnonzero(shares.hessians.any(axis=(1, 2)))
             if len(met):
                 corners = cells[met].astype(np.float64)
                 grids = tuple(voxel_labels(corners + shift, 2.0)[0] for shift in (0.5, 1.5))
-                if min(int(grid.max()) + 1 for grid in grids) >= self.least_units:
+                if min(int(grid.max()) + 1 for grid in grids) >= self.min_blocks:
                     gradients = shares.gradients[np.ix_(met, free)]
                     return BlockTerms(gradients, shares.hessians[np.ix_(met, free, free)], grids)
             side *= 0.5
@@ -195,8 +195,8 @@ class CovarianceEstimator:
         arm = math.sqrt(3.0 * float(np.mean(np.square(places - middle))))
         to_zero = np.eye(6)
         to_zero[:3, 3:] = hat(pose.apply(middle))
-        turn = self.floor / max(arm, _LEAST_ARM)
-        return to_zero @ np.diag([self.floor**2] * 3 + [turn**2] * 3) @ to_zero.T
+        turn = self.min_deviation / max(arm, _LEAST_ARM)
+        return to_zero @ np.diag([self.min_deviation**2] * 3 + [turn**2] * 3) @ to_zero.T
 
     def _spread(self, pose: Pose, free: Labels, align: Callable[[Pose], Solution]) -> Matrix | None:
         """Return the mean square of how far from the pose starts on either side of it end.
@@ -204,7 +204,7 @@ class CovarianceEstimator:
         The starts lie along each free direction, so far out that their covariance is the one
         asked for (the points of the unscented transform, without the middle one).
         """
-        reach = math.sqrt(len(free)) * np.repeat(self.starts, 3)
+        reach = math.sqrt(len(free)) * np.repeat(self.start_deviations, 3)
         errors: list[Vector] = []
         for axis in (*free, *free + 6):
             step = np.zeros(6)

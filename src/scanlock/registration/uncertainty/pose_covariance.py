@@ -41,9 +41,9 @@ class PoseCovariance:
 
     matrix: Matrix
     pose: Pose
-    place: Vector
-    way: CovarianceMethod
-    units: float = math.nan
+    reference_point: Vector
+    method: CovarianceMethod
+    blocks: float = math.nan
 
     def __post_init__(self) -> None:
         matrix = np.array(self.matrix, np.float64)
@@ -51,11 +51,11 @@ class PoseCovariance:
             raise InvalidInput(
                 f"a pose covariance must be a finite (6, 6) matrix, got shape {matrix.shape}"
             )
-        place = np.array(self.place, np.float64)
+        place = np.array(self.reference_point, np.float64)
         if place.shape != (3,) or not np.isfinite(place).all():
             raise InvalidInput(f"place must be three finite coordinates, got {place.tolist()}")
         matrix = 0.5 * (matrix + matrix.T)
-        for name, array in (("matrix", matrix), ("place", place)):
+        for name, array in (("matrix", matrix), ("reference_point", place)):
             frozen(array)
             object.__setattr__(self, name, array)
 
@@ -97,15 +97,15 @@ class PoseCovariance:
         return {
             "order": "translation of place, rotation; target's axes; m, rad",
             "matrix": self.matrix.tolist(),
-            "place": self.place.tolist(),
-            "way": self.way,
-            "units": None if math.isnan(self.units) else self.units,
+            "reference_point": self.reference_point.tolist(),
+            "method": self.method,
+            "blocks": None if math.isnan(self.blocks) else self.blocks,
         }
 
     def _moved_to(self, point: Vector) -> Matrix:
         """Return the (6, 6) derivative of the error at another point in that at `place`."""
         jacobian = np.eye(6)
-        jacobian[:3, 3:] = -hat(self.pose.rotation @ (point - self.place))
+        jacobian[:3, 3:] = -hat(self.pose.rotation @ (point - self.reference_point))
         return jacobian
 
     def as_text(self) -> str:
@@ -118,9 +118,10 @@ class PoseCovariance:
         )
 
     def __repr__(self) -> str:
-        return f"PoseCovariance({self.way}: {self.as_text()})"
+        return f"PoseCovariance({self.method}: {self.as_text()})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PoseCovariance, (
-            np.array(self.matrix), self.pose, np.array(self.place), self.way, self.units,
+            np.array(self.matrix), self.pose, np.array(self.reference_point),
+            self.method, self.blocks,
         )  # fmt: skip

@@ -61,13 +61,15 @@ def decide(
     if probability_right >= 0.5 and metrics.refinement_shift > MAX_REFINEMENT_SHIFT:
         return Status.NOT_CONVERGED, (
             f"{found}, but on the surfaces that they share the pose would still move by "
-            f"{metrics.refinement_shift:.2f} m (a degree counts as 0.3 m): take it as the initial pose of a "
+            f"{metrics.refinement_shift:.2f} m (a degree counts as 0.3 m): "
+            "take it as the initial pose of a "
             "finer method, such as auto or gicp"
         )
     if inspection.degenerate or probability_right < MIN_PROBABILITY:
         doubt = "is likely wrong" if probability_right < 0.5 else "may be wrong"
         return Status.LOW_OVERLAP, (
-            f"{found}: the pose {doubt}, right with probability {probability_right:.2f} only; start "
+            f"{found}: the pose {doubt}, right with probability {probability_right:.2f} only; "
+            "start "
             "nearer, or take scans closer together"
         )
     if inspection.runner_up > MAX_RUNNER_UP_RATIO or inspection.slide_ratio > MAX_SLIDE_RATIO:

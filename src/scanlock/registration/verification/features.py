@@ -81,14 +81,14 @@ def features_from_clusters(
     if len(gaussians) < MIN_GAUSSIANS:
         # Bare ground holds some directions, and methods that keep it can be judged by those.
         labels, _ = voxel_labels(cloud.points, _RADIUS)
-        least = _FINDER.segmenter.clusters.least_count
+        least = _FINDER.segmenter.clusters.min_points
         gaussians = Gaussians.from_labels(cloud.points, labels, least)
         gaussians = gaussians.regularised(_FINDER.min_deviation)
         held = ClusterConstraints.none()
         notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
     range_image = None if imager is None else imager.image(cloud)
     cell_list, query_points = PROBER.cell_list(cloud), PROBER.query_points(cloud)
-    roughness = PROBER.probe(cell_list, query_points).roughness
+    roughness = PROBER.fit(cell_list, query_points).roughness
     return VerificationFeatures(
         cloud, cell_list, gaussians, range_image, query_points, roughness, notes, held
     )

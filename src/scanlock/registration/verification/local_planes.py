@@ -50,8 +50,8 @@ class LocalPlanes:
 
     def __post_init__(self) -> None:
         for array in (
-            self.has_plane, self.points, self.normals, self.residuals, self.normal_covariances, self.flatness,
-            self.thickness,
+            self.has_plane, self.points, self.normals, self.residuals, self.normal_covariances,
+            self.flatness, self.thickness,
         ):  # fmt: skip
             frozen(array)
 
@@ -89,53 +89,53 @@ class LocalPlanes:
 class LocalPlaneFitter:
     """Settings: which points of a scan are probes, and how the surface near them is found."""
 
-    spacing: float = 1.0
+    voxel_size: float = 1.0
     """At most one probe in each cube of this side [m], so that near walls do not decide alone."""
 
-    most: int = 300
+    max_points: int = 300
     """How many probes a scan gets at most, evenly over its cubes."""
 
-    sample: int = 10000
+    sample_size: int = 10000
     """How many points of the scan the probes are chosen from, evenly over its rows."""
 
     radii: tuple[float, ...] = (0.5, 1.0, 2.0)
     """A plane is fitted to the points this near to a probe [m]: within the first of these in which
     there are enough, so that near walls are seen sharply and far ground is seen at all."""
 
-    least_count: int = 8
+    min_points: int = 8
     """To so many points at least: of fewer, some make planes across corners."""
 
-    least_breadth: float = 0.1
+    min_breadth: float = 0.1
     """And not to a line: the variance along the narrower side of the points is at least this share
     of that along the wider one."""
 
     def __post_init__(self) -> None:
-        require_positive("spacing", self.spacing, unit="m")
+        require_positive("voxel_size", self.voxel_size, unit="m")
         if not self.radii:
             raise InvalidInput("radii must not be empty")
         for radius in self.radii:
             require_positive("radii", radius, unit="m")
-        require_count("most", self.most)
-        require_count("sample", self.sample)
-        require_count("least_count", self.least_count, least=4)
-        require_fraction("least_breadth", self.least_breadth)
+        require_count("max_points", self.max_points)
+        require_count("sample_size", self.sample_size)
+        require_count("min_points", self.min_points, least=4)
+        require_fraction("min_breadth", self.min_breadth)
 
     def query_points(self, cloud: PointCloud) -> Points:
         """Return (m, 3) points of a cloud, spread evenly over what it shows."""
         rows = np.flatnonzero(cloud.is_measured)
-        points = cloud.points[_evenly(rows, self.sample)]
+        points = cloud.points[_evenly(rows, self.sample_size)]
         if len(points) == 0:
             return read_only(points)
-        labels, count = voxel_labels(points, self.spacing)
+        labels, count = voxel_labels(points, self.voxel_size)
         firsts = np.empty(count, np.int64)
         firsts[labels[::-1]] = np.arange(len(labels))[::-1]
-        return read_only(points[_evenly(firsts, self.most)])
+        return read_only(points[_evenly(firsts, self.max_points)])
 
     def cell_list(self, cloud: PointCloud) -> CellList:
         """Return what of a cloud can be probed."""
         return CellList.of_points(cloud.points, 2.0 * min(self.radii))
 
-    def probe(self, points: CellList, query_points: Points) -> LocalPlanes:
+    def fit(self, points: CellList, query_points: Points) -> LocalPlanes:
         """Return the surface of some points near (m, 3) probes [m] in their frame.
 
         What is met in a wider circle comes after what is met in a narrower one.
@@ -160,11 +160,9 @@ class LocalPlaneFitter:
         means = sums[:, 1:4] / counts
         packed = sums[:, 4:] / counts - means[:, _PACKED_ROWS] * means[:, _PACKED_COLUMNS]
         variances, axes = principal_axes(read_only(packed))
-        is_broad = variances[:, 1] > np.maximum(
-            self.least_breadth * variances[:, 2], _LEAST_VARIANCE
-        )
+        is_broad = variances[:, 1] > np.maximum(self.min_breadth * variances[:, 2], _LEAST_VARIANCE)
         fits = np.hstack([counts, means, np.maximum(variances, 0.0), axes])
-        return fits, is_broad & (sums[:, 0] >= self.least_count)
+        return fits, is_broad & (sums[:, 0] >= self.min_points)
 
 
 def joined(surfaces: Sequence[LocalPlanes]) -> LocalPlanes:

@@ -34,7 +34,8 @@ class Metrics:
         roughness and sparseness leave at any pose.
     misfit : float
         Share of the inliers farther from their plane than twice what points there scatter, once
-        the pose has come to rest on the planes (see `refinement_shift`), in [0, 1]; lower is better.
+        the pose has come to rest on the planes (see `refinement_shift`), in [0, 1]; lower is
+        better.
     surface_overlap : float
         Share of the source's probes that are inliers, in [0, 1]; higher is better.
     drift : float [m]

@@ -66,8 +66,8 @@ class PlaneConstraints:
 
     def __post_init__(self) -> None:
         for array in (
-            self.origin, self.points, self.residuals, self.weights, self.normal_covariances, self.rows,
-            self.information, self.max_information,
+            self.origin, self.points, self.residuals, self.weights, self.normal_covariances,
+            self.rows, self.information, self.max_information,
         ):  # fmt: skip
             frozen(array)
 

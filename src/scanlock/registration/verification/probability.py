@@ -38,7 +38,8 @@ def features(metrics: Metrics, directions: Sequence[DirectionObservability]) -> 
     """Return the (6,) numbers that the probability is made of, by the names of `FEATURES`.
 
     Each between bounds beyond which more says nothing more: a model that is linear must not be
-    carried away by a number that it has never seen. `directions` are those of a `Observability`, or none.
+    carried away by a number that it has never seen. `directions` are those of an
+    `Observability`, or none.
     """
     turn = max((one.deviation for one in directions if one.kind == "rotation"), default=math.nan)
     runner_up_ratio = (

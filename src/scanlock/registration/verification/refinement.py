@@ -78,8 +78,8 @@ def refine_pose(
 def _probed(
     target: VerificationFeatures, source: VerificationFeatures, pose: Pose
 ) -> tuple[LocalPlanes, LocalPlanes]:
-    forward = PROBER.probe(target.cell_list, pose.apply(source.query_points))
-    backward = PROBER.probe(source.cell_list, pose.inverse().apply(target.query_points))
+    forward = PROBER.fit(target.cell_list, pose.apply(source.query_points))
+    backward = PROBER.fit(source.cell_list, pose.inverse().apply(target.query_points))
     return forward, backward.reversed(pose)
 
 

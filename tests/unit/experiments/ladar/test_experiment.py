@@ -38,7 +38,7 @@ def terrain():
 
 
 def _with_two():
-    contenders = [contender(PAPER, Icp.madhavan2003()), contender(OTHER, Icp(spacing=0.4))]
+    contenders = [contender(PAPER, Icp.madhavan2003()), contender(OTHER, Icp(voxel_size=0.4))]
     return replace(LADAR, contenders=contenders)
 
 

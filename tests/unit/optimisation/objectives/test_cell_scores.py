@@ -47,7 +47,7 @@ def test_values_match_the_definition(meeting, seed):
     voxels, points = _voxels(seed), _points(seed)
     pose = Pose.from_step(0.2 * np.random.default_rng(seed).normal(size=6))
     shape = ScoreShape(sharpness=0.3, height=2.5)
-    objective = PointsToCells(target=voxels, points=points, meeting=meeting, shape=shape)
+    objective = PointsToCells(target=voxels, points=points, association=meeting, shape=shape)
     expected = reference.value(pose, voxels, points, meeting, height=2.5, sharpness=0.3)
     assert expected < -0.05
     np.testing.assert_allclose(objective.linearise(pose).value, expected, rtol=1e-11)
@@ -63,7 +63,7 @@ def test_derivatives_agree_with_differences_inside_a_cell(meeting, seed):
     assert len(points) > 20
     # A window that bends where the score still weighs.
     shape = ScoreShape(sharpness=0.5, height=3.0, window_start=0.5, window_end=8.0)
-    objective = PointsToCells(target=voxels, points=points, meeting=meeting, shape=shape)
+    objective = PointsToCells(target=voxels, points=points, association=meeting, shape=shape)
     found = objective.linearise(pose)
     h = 2e-4 * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
     gradient = differences.gradient(lambda p: objective.linearise(p).value, pose, h)
@@ -81,7 +81,9 @@ def test_the_convex_part_is_that_of_gauss_and_newton(meeting):
     voxels, points = _voxels(7), _points(7)
     pose = Pose.from_step(0.1 * np.random.default_rng(7).normal(size=6))
     exact, convex = (
-        PointsToCells(target=voxels, points=points, meeting=meeting, curvature=part).linearise(pose)
+        PointsToCells(target=voxels, points=points, association=meeting, curvature=part).linearise(
+            pose
+        )
         for part in ("exact", "convex")
     )
     np.testing.assert_array_equal(convex.gradient, exact.gradient)
@@ -107,7 +109,7 @@ def test_the_value_jumps_where_a_point_changes_its_cells(meeting, jump):
         poses = (Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in places)
         return np.array([objective.linearise(pose).value for pose in poses])
 
-    own = walk(PointsToCells(target=voxels, points=point, meeting=meeting, shape=shape))
+    own = walk(PointsToCells(target=voxels, points=point, association=meeting, shape=shape))
     every = walk(PointsToGaussians(target=voxels.gaussians, points=point, shape=shape))
     # The steepest a sum of these Gaussians and of its weights can be, times the step.
     smooth = 27.0 * (np.sqrt(0.2) * np.exp(-0.5) / 0.1 + 3.0 / _WIDTH) * 2e-4
@@ -126,7 +128,7 @@ def test_trilinear_weights_sum_to_one():
     voxels = VoxelGrid(min_deviation=1e4).gaussians(points, 1.0)
     assert len(voxels) == 8
     inside = read_only(rng.uniform(0.5, 1.5, (50, 3)))
-    found = PointsToCells(target=voxels, points=inside, meeting="trilinear")
+    found = PointsToCells(target=voxels, points=inside, association="trilinear")
     np.testing.assert_allclose(found.linearise(Pose.identity()).value, -1.0, atol=1e-6)
 
 
@@ -134,7 +136,9 @@ def test_with_every_cell_in_reach_near_cells_come_close_to_all():
     voxels, points = _voxels(5), _points(5)
     pose = Pose.identity()
     values = {
-        meeting: PointsToCells(target=voxels, points=points, meeting=meeting).linearise(pose).value
+        meeting: PointsToCells(target=voxels, points=points, association=meeting)
+        .linearise(pose)
+        .value
         for meeting in CELL_ASSOCIATIONS
     }
     every = p2d_value(pose, voxels.gaussians, points)
@@ -146,7 +150,7 @@ def test_with_every_cell_in_reach_near_cells_come_close_to_all():
 
 @_each_meeting
 def test_scans_that_do_not_meet_have_no_value(meeting):
-    objective = PointsToCells(target=_voxels(6), points=_points(6), meeting=meeting)
+    objective = PointsToCells(target=_voxels(6), points=_points(6), association=meeting)
     for x in (1e3, 1e9):
         far = objective.linearise(Pose(np.eye(3), np.array([x, 0.0, -x])))
         assert far.value == 0.0
@@ -155,7 +159,7 @@ def test_scans_that_do_not_meet_have_no_value(meeting):
 
 def test_an_unknown_meeting_is_refused_with_the_names():
     with pytest.raises(InvalidInput, match=r"meeting must be one of own-cell, .*, got 'all'"):
-        PointsToCells(target=_voxels(0), points=_points(0), meeting="all")
+        PointsToCells(target=_voxels(0), points=_points(0), association="all")
 
 
 @pytest.mark.parametrize(

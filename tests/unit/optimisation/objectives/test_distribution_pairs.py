@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from reference import differences
 from reference import distribution_pairs as reference
@@ -10,6 +9,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
 from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.newton import Newton
 
@@ -114,7 +114,7 @@ def test_every_solver_minimises_it(solver):
     truth = Pose.from_step(rng.normal(0.0, [1.0, 1.0, 0.3, 0.1, 0.1, 0.4]))
     target = gaussians(rng, 200)
     source = target.transformed(truth.inverse())
-    settings = solver(criteria=ConvergenceCriteria(iterations=200))
+    settings = solver(criteria=ConvergenceCriteria(max_iterations=200))
     pairs = DistributionPairs.at(
         Pose.identity(), _surface(target), _surface(source), read_only(np.arange(200)),
         settings.curvature,

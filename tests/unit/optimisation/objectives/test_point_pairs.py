@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from reference import differences
 from reference.samples import turned_covariances
@@ -15,6 +14,7 @@ from scanlock.optimisation.objectives.point_pairs import (
     point_precisions,
     variances_along,
 )
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 
 STEPS = np.array([1e-4] * 3 + [1e-5] * 3)
@@ -119,9 +119,9 @@ def test_the_minimum_of_points_is_the_closed_form():
     pairs = _pairs("point")
     rows = pairs.target_rows, pairs.source_rows
     weights = pairs.precisions[:, 0]
-    solution = Newton(criteria=ConvergenceCriteria(gradient=1e-10, step=1e-10)).minimise(
-        pairs, POSE
-    )
+    solution = Newton(
+        criteria=ConvergenceCriteria(gradient_tolerance=1e-10, step_tolerance=1e-10)
+    ).minimise(pairs, POSE)
     fitted = fit_arun(pairs.target[rows[0]], pairs.source[rows[1]], weights)
     assert pairs.count == len(weights)
     assert solution.pose.is_close(fitted, translation=1e-6, rotation=1e-7)

@@ -35,7 +35,7 @@ def _objectives():
     )
     yield "p2d", PointsToGaussians(target=target, points=points)
     for meeting in ("near-cells", "trilinear"):
-        yield meeting, PointsToCells(target=cells, points=points, meeting=meeting)
+        yield meeting, PointsToCells(target=cells, points=points, association=meeting)
     partners = np.where(rng.random(80) < 0.7, rng.integers(80, size=80), -1)
     yield "g-icp", DistributionPairs.at(_POSE, surface, surface, read_only(partners))
     yield (

@@ -30,7 +30,7 @@ def test_the_deepest_of_two_wells_comes_first():
 
 
 def test_minima_are_apart():
-    settings = Annealing(minima=4, apart=2.0)
+    settings = Annealing(minima=4, min_separation=2.0)
     poses = [one.pose for one in settings.search(_two_wells, Pose.identity())]
     assert 1 < len(poses) <= 4
     for index, pose in enumerate(poses):

@@ -2,12 +2,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.bfgs import QuasiNewton
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.line_descent import LineDescent
 from scanlock.optimisation.solvers.line_search import LinePoint, LineStep, StrongWolfe
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
@@ -26,7 +26,7 @@ def _objective():
 
 def _descent(search, iterations=100):
     return LineDescent(
-        criteria=ConvergenceCriteria(iterations=iterations),
+        criteria=ConvergenceCriteria(max_iterations=iterations),
         line_search=search,
         rotation_scale=_ROTATION_SCALE,
         max_step=10.0,

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
 
@@ -105,12 +105,12 @@ def _assert_consistent(solution, solver):
     assert len(set(values)) == len(values)
     last_step, _ = solution.pose.distance(accepted[-1].pose)
     if solution.reason is StopReason.STEP_SMALL:
-        assert last_step < solver.criteria.step
+        assert last_step < solver.criteria.step_tolerance
         assert solution.quadratic.value <= values[-1]
     else:
         assert last_step == 0.0
         assert solution.quadratic.value == values[-1]
-    assert len(history) <= solver.criteria.iterations
+    assert len(history) <= solver.criteria.max_iterations
     # One step may exceed the radius by the hundredth that the search for the damping allows.
     steps = [entry.step_norm for entry in history]
     assert max(steps) <= 1.01 * max(solver.first_radius, solver.max_radius)
@@ -131,7 +131,7 @@ def test_a_quadratic_within_the_radius_takes_one_step(curvatures):
 def test_a_last_step_too_small_to_evaluate_is_taken_as_foretold():
     minimum = np.array([1.0, -2.0, 3.0])
     bowl, start = _bowl(minimum), _at(1.004, -2.0, 3.003)
-    solution = Newton(criteria=ConvergenceCriteria(step=0.01)).minimise(bowl, start)
+    solution = Newton(criteria=ConvergenceCriteria(step_tolerance=0.01)).minimise(bowl, start)
     assert bowl.calls == 1
     assert solution.reason is StopReason.STEP_SMALL
     np.testing.assert_allclose(solution.pose.translation, minimum, atol=1e-12)
@@ -152,7 +152,9 @@ def test_a_small_step_that_was_cut_short_is_not_taken():
             gradient = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
             return Quadratic(_FLOOR + (self.calls > 1), gradient, np.eye(6))
 
-    solution = Newton(criteria=ConvergenceCriteria(step=1e-3)).minimise(_Liar(), Pose.identity())
+    solution = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3)).minimise(
+        _Liar(), Pose.identity()
+    )
     assert solution.reason is StopReason.STEP_SMALL
     assert solution.pose == Pose.identity()
 
@@ -175,7 +177,7 @@ def test_the_first_step_is_no_longer_than_the_largest():
 def test_rosenbrocks_valley_is_followed_to_its_end():
     # At its end the valley is 2500 times as steep as long, more than the solver lets curvatures
     # differ: the last steps are too short by a factor, and a step of 1e-9 leaves some of it.
-    solver = Newton(criteria=ConvergenceCriteria(gradient=1e-9, step=1e-9))
+    solver = Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-9, step_tolerance=1e-9))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 1.0))
     np.testing.assert_allclose(solution.pose.translation, [1.0, 1.0, 0.0], atol=1e-8)
     assert solution.reason.is_converged
@@ -200,7 +202,7 @@ def test_a_start_where_the_hessian_is_indefinite_still_descends():
 
 def test_the_top_of_a_hill_is_left_downhill():
     hill = _Function(lambda t: -(t @ t), lambda t: -2.0 * t, lambda t: -2.0 * np.eye(3))
-    solver = Newton(criteria=ConvergenceCriteria(iterations=6))
+    solver = Newton(criteria=ConvergenceCriteria(max_iterations=6))
     solution = solver.minimise(hill, _at(1e-3, 0.0, 0.0))
     assert solution.reason is StopReason.ITERATION_LIMIT
     # Each step is as long as the curvature says: the distance from the top doubles.
@@ -219,7 +221,7 @@ def test_a_flat_function_stops_where_it_starts():
 
 def test_a_slope_without_curvature_is_followed_at_the_trust_radius():
     slope = _Function(lambda t: t[0], lambda t: [1.0, 0.0, 0.0], lambda t: np.zeros((3, 3)))
-    solver = Newton(criteria=ConvergenceCriteria(iterations=4))
+    solver = Newton(criteria=ConvergenceCriteria(max_iterations=4))
     solution = solver.minimise(slope, Pose.identity())
     assert solution.reason is StopReason.ITERATION_LIMIT
     np.testing.assert_allclose(solution.pose.translation, [-25.0, 0.0, 0.0], rtol=0.03)
@@ -240,7 +242,7 @@ def test_nothing_in_reach_is_no_support():
 @pytest.mark.parametrize("limit", [1, 2, 5, 11])
 def test_no_more_evaluations_than_allowed(limit):
     function = _rosenbrock()
-    solver = Newton(criteria=ConvergenceCriteria(iterations=limit))
+    solver = Newton(criteria=ConvergenceCriteria(max_iterations=limit))
     solution = solver.minimise(function, _at(-1.2, 1.0, 0.0))
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert function.calls == len(solution.history) == limit
@@ -248,7 +250,7 @@ def test_no_more_evaluations_than_allowed(limit):
 
 
 def test_the_best_pose_seen_is_returned_at_the_limit():
-    solver = Newton(criteria=ConvergenceCriteria(iterations=8))
+    solver = Newton(criteria=ConvergenceCriteria(max_iterations=8))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 0.0))
     assert any(not entry.accepted for entry in solution.history)
     assert solution.quadratic.value == min(entry.value for entry in solution.history)
@@ -256,9 +258,9 @@ def test_the_best_pose_seen_is_returned_at_the_limit():
 
 def test_tolerances_end_the_search_when_they_say():
     loose, tight = (
-        Newton(criteria=ConvergenceCriteria(gradient=gradient, step=1e-12)).minimise(
-            _rosenbrock(), _at(-1.2, 1.0, 0.0)
-        )
+        Newton(
+            criteria=ConvergenceCriteria(gradient_tolerance=gradient, step_tolerance=1e-12)
+        ).minimise(_rosenbrock(), _at(-1.2, 1.0, 0.0))
         for gradient in (1e-2, 1e-8)
     )
     assert loose.reason is tight.reason is StopReason.GRADIENT_SMALL
@@ -266,9 +268,9 @@ def test_tolerances_end_the_search_when_they_say():
     assert tight.history[-1].gradient_norm < 1e-8
     assert len(loose.history) < len(tight.history)
 
-    stepped = Newton(criteria=ConvergenceCriteria(gradient=1e-30, step=0.5)).minimise(
-        _bowl(np.array([0.3, 0.0, 0.0])), Pose.identity()
-    )
+    stepped = Newton(
+        criteria=ConvergenceCriteria(gradient_tolerance=1e-30, step_tolerance=0.5)
+    ).minimise(_bowl(np.array([0.3, 0.0, 0.0])), Pose.identity())
     assert stepped.reason is StopReason.STEP_SMALL
     assert len(stepped.history) == 1
 
@@ -296,7 +298,7 @@ def test_paired_points_are_brought_together(angle, offset):
     motion = Pose.from_step(np.concatenate([[5.0, -3.0, 1.0], angle * axis]))
     around = Pose(np.eye(3), np.full(3, offset))
     motion = around @ motion @ around.inverse()
-    solver = Newton(criteria=ConvergenceCriteria(gradient=1e-4, step=1e-9))
+    solver = Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-4, step_tolerance=1e-9))
     solution = solver.minimise(_PointPairs(motion.apply(source), source), Pose.identity())
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.apply(source), motion.apply(source), atol=1e-5)

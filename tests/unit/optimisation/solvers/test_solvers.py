@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
@@ -12,6 +11,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.line_search import Armijo, StrongWolfe
 from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
@@ -71,7 +71,11 @@ def _valley(t):
 @_ALL
 def test_a_bent_valley_is_followed_to_its_end(solver):
     objective = _Translations(_valley)
-    solver = type(solver)(criteria=ConvergenceCriteria(gradient=1e-8, step=1e-9, iterations=400))
+    solver = type(solver)(
+        criteria=ConvergenceCriteria(
+            gradient_tolerance=1e-8, step_tolerance=1e-9, max_iterations=400
+        )
+    )
     solution = solver.minimise(objective, Pose(np.eye(3), np.array([-1.2, 1.0, 0.5])))
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.translation, [1.0, 1.0, 0.0], atol=1e-6)
@@ -106,7 +110,7 @@ def test_where_nothing_meets_there_is_no_support(solver):
 @_ALL
 @pytest.mark.parametrize("limit", [1, 2, 3, 5])
 def test_no_more_evaluations_than_allowed(solver, limit):
-    solver = type(solver)(criteria=ConvergenceCriteria(iterations=limit))
+    solver = type(solver)(criteria=ConvergenceCriteria(max_iterations=limit))
     solution = solver.minimise(_d2d(solver.curvature), _FARTHER)
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert len(solution.history) == limit
@@ -116,7 +120,7 @@ def test_no_more_evaluations_than_allowed(solver, limit):
 @_ALL
 def test_a_start_at_the_minimum_stays_there(solver):
     minimum = solver.minimise(_d2d(solver.curvature), _START).pose
-    solver = type(solver)(criteria=ConvergenceCriteria(gradient=1e-4))
+    solver = type(solver)(criteria=ConvergenceCriteria(gradient_tolerance=1e-4))
     solution = solver.minimise(_d2d(solver.curvature), minimum)
     assert solution.reason is StopReason.GRADIENT_SMALL
     assert solution.pose == minimum
@@ -146,7 +150,7 @@ def test_a_direction_that_nothing_holds_is_left_alone(solver):
 @_ALL
 def test_a_slope_without_curvature_is_followed_in_bounded_steps(solver):
     slope = _Translations(lambda t: (1.0 + t[0], [1.0, 0.0, 0.0], np.zeros((3, 3))))
-    solver = type(solver)(criteria=ConvergenceCriteria(iterations=12))
+    solver = type(solver)(criteria=ConvergenceCriteria(max_iterations=12))
     solution = solver.minimise(slope, Pose.identity())
     assert solution.reason is StopReason.ITERATION_LIMIT
     assert -12 * 10.5 < solution.pose.translation[0] < -2.0
@@ -175,7 +179,7 @@ def test_no_step_is_longer_than_the_longest(solver, longest):
 
 
 def test_damping_falls_after_steps_that_help_and_grows_after_others():
-    solver = LevenbergMarquardt(first_damping=1e6, criteria=ConvergenceCriteria(iterations=4))
+    solver = LevenbergMarquardt(first_damping=1e6, criteria=ConvergenceCriteria(max_iterations=4))
     bowl = _Translations(lambda t: (1.0 + t @ t, 2.0 * t, 2.0 * np.eye(3)))
     steps = [
         entry.step_norm

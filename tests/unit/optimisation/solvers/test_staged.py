@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.staged import minimise_staged, with_tolerance
@@ -58,6 +58,8 @@ def test_the_start_comes_back_untouched_where_nothing_meets_at_all():
 
 
 def test_a_solver_is_loosened_and_never_tightened():
-    solver = Newton(criteria=ConvergenceCriteria(step=1e-3, iterations=7))
-    assert with_tolerance(solver, 0.1).criteria == ConvergenceCriteria(step=0.1, iterations=7)
+    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=7))
+    assert with_tolerance(solver, 0.1).criteria == ConvergenceCriteria(
+        step_tolerance=0.1, max_iterations=7
+    )
     assert with_tolerance(solver, 1e-6) == solver

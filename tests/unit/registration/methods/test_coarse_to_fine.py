@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.registration.methods.coarse_to_fine import (
@@ -29,7 +29,7 @@ class _Bowl:
         return Quadratic(0.5 * self.curvature * gap @ gap - 1e3, gradient, hessian)
 
 
-_SCALES = tuple(Scale(blur=blur, max_radius=2.0) for blur in (4.0, 1.0, 0.0))
+_SCALES = tuple(Scale(smoothing=blur, max_radius=2.0) for blur in (4.0, 1.0, 0.0))
 
 
 def test_each_scale_goes_on_from_the_pose_of_the_one_before():
@@ -48,7 +48,7 @@ def test_blurred_scales_stop_at_a_share_of_their_blur_and_the_sharp_one_at_the_t
     schedule = CoarseToFine(
         scales=_SCALES,
         coarse_tolerance=0.1,
-        solver=Newton(criteria=ConvergenceCriteria(gradient=1e-30, step=1e-3)),
+        solver=Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-30, step_tolerance=1e-3)),
     )
     # Steps of 0.3 m and of 0.03 m: too small to evaluate at 4 m, at 1 m only the second.
     for step, evaluations in ((0.3, [1, 2, 2]), (0.03, [1, 1, 2])):
@@ -58,7 +58,7 @@ def test_blurred_scales_stop_at_a_share_of_their_blur_and_the_sharp_one_at_the_t
         np.testing.assert_allclose(solution.pose.translation, [3.0 * step, 0.0, 0.0], atol=1e-9)
 
 
-_TWO_ENTRIES = (_SCALES[0], Scale(blur=1.0, max_radius=2.0, is_entry=True), _SCALES[2])
+_TWO_ENTRIES = (_SCALES[0], Scale(smoothing=1.0, max_radius=2.0, is_entry=True), _SCALES[2])
 
 
 def test_a_descent_that_comes_to_where_another_was_goes_no_further():
@@ -111,7 +111,7 @@ def test_the_objective_of_a_scale_is_made_once():
 
 def test_the_reason_is_that_of_the_finest_scale():
     flat = [_Bowl(0.0), _Bowl(0.0), _Bowl(50.0, curvature=1e-3)]
-    short = Newton(criteria=ConvergenceCriteria(iterations=2))
+    short = Newton(criteria=ConvergenceCriteria(max_iterations=2))
     schedule = CoarseToFine(scales=_SCALES, solver=short)
     solution = schedule.minimise(flat.__getitem__, Pose.identity())
     assert solution.reason is StopReason.ITERATION_LIMIT
@@ -120,7 +120,7 @@ def test_the_reason_is_that_of_the_finest_scale():
 
 def test_the_named_schedules_are_valid_and_end_sharp():
     for scales in (DEFAULT_SCALES, PAPER_SCALES):
-        assert CoarseToFine(scales=scales).scales[-1].blur == 0.0
+        assert CoarseToFine(scales=scales).scales[-1].smoothing == 0.0
     assert len(PAPER_SCALES) == 1
 
 
@@ -131,13 +131,13 @@ def test_the_named_schedules_are_valid_and_end_sharp():
         (lambda: CoarseToFine(scales=_SCALES[::-1]), "blur must not grow"),
         (
             lambda: CoarseToFine(
-                scales=(Scale(blur=1.0, max_radius=1.0), Scale(blur=0.0, max_radius=2.0))
+                scales=(Scale(smoothing=1.0, max_radius=1.0), Scale(smoothing=0.0, max_radius=2.0))
             ),
             "largest_radius must not grow",
         ),
         (lambda: CoarseToFine(coarse_tolerance=2.0), "loose_step must lie between 0 and 1"),
-        (lambda: Scale(blur=-1.0, max_radius=1.0), "blur must be at least 0.0 m"),
-        (lambda: Scale(blur=0.0, max_radius=0.0), "largest_radius must be positive"),
+        (lambda: Scale(smoothing=-1.0, max_radius=1.0), "blur must be at least 0.0 m"),
+        (lambda: Scale(smoothing=0.0, max_radius=0.0), "largest_radius must be positive"),
     ],
 )
 def test_settings_out_of_range_are_refused_by_name(make, message):

@@ -34,7 +34,7 @@ def _scans(seed=0, count=200, *, with_normals=False):
 
 
 def _paired(settings, scans, previous=math.inf, most=math.inf, residual="point-to-point"):
-    return settings.pair(*scans, _POSE, previous, most, residual)
+    return settings.find(*scans, _POSE, previous, most, residual)
 
 
 def _expected(scans, limit):
@@ -49,10 +49,15 @@ def _as_set(pairs):
 
 def test_pairs_are_of_the_closest_points_within_the_limit():
     scans = _scans()
-    pairs = _paired(CorrespondenceFinder(gate=TrimmedRejection(share=0.6), reach=math.inf), scans)
+    pairs = _paired(
+        CorrespondenceFinder(
+            rejection=TrimmedRejection(inlier_ratio=0.6), max_correspondence_distance=math.inf
+        ),
+        scans,
+    )
     gaps = np.sort(distances(scans[0].points, _POSE.apply(scans[1].points)).min(axis=1))
-    assert pairs.limit == pytest.approx(gaps[math.ceil(0.6 * len(gaps)) - 1], rel=1e-12)
-    expected = _expected(scans, pairs.limit)
+    assert pairs.threshold == pytest.approx(gaps[math.ceil(0.6 * len(gaps)) - 1], rel=1e-12)
+    expected = _expected(scans, pairs.threshold)
     assert _as_set(pairs) == set(expected)
     assert 0 < len(pairs) == len(expected) < len(scans[1].points)
     assert pairs.mean_distance == pytest.approx(np.mean(list(expected.values())), rel=1e-12)
@@ -62,12 +67,12 @@ def test_pairs_are_of_the_closest_points_within_the_limit():
 def test_pairs_are_frozen_and_count_those_with_weight():
     points = np.random.default_rng(4).normal(size=(40, 3))
     pairing = CorrespondenceFinder(
-        gate=FixedRejection(), robust=RobustWeights(loss="tukey", scale=0.1)
+        rejection=FixedRejection(), robust=RobustWeights(loss="tukey", scale=0.1)
     )
     moved = points.copy()
     moved[:15, 2] += 0.2
     scans = point_scan(points), point_scan(moved)
-    pairs = pairing.pair(*scans, Pose.identity(), np.inf, np.inf, "point-to-point")
+    pairs = pairing.find(*scans, Pose.identity(), np.inf, np.inf, "point-to-point")
     assert pairs.effective == np.count_nonzero(pairs.weights) < len(pairs) == 40
     for array in (pairs.target_rows, pairs.source_rows, pairs.weights):
         assert not array.flags.writeable
@@ -77,7 +82,9 @@ def test_points_out_of_reach_enter_no_statistics():
     scans = _scans()
     for reach, of_gate in ((1.0, math.inf), (math.inf, 0.7), (0.5, 0.7)):
         gate = SpyingGate(limits=(10.0,), reach=of_gate)
-        pairs = _paired(CorrespondenceFinder(gate=gate, reach=reach), scans)
+        pairs = _paired(
+            CorrespondenceFinder(rejection=gate, max_correspondence_distance=reach), scans
+        )
         expected = _expected(scans, min(reach, of_gate))
         assert _as_set(pairs) == set(expected)
         np.testing.assert_allclose(np.sort(gate.distances[0]), np.sort(list(expected.values())))
@@ -87,17 +94,25 @@ def test_the_gate_is_told_the_last_limit_and_the_spacing_of_the_target():
     target, source = _scans()
     gate = SpyingGate(limits=(0.5,))
     one = point_scan(target.points, spacing=0.3), point_scan(source.points, spacing=0.9)
-    assert _paired(CorrespondenceFinder(gate=gate), one, previous=0.8).limit == 0.5
+    assert _paired(CorrespondenceFinder(rejection=gate), one, previous=0.8).limit == 0.5
     assert (gate.previous, gate.spacings) == ([0.8], [0.3])
 
 
 def test_the_limit_may_be_held_below_what_the_gate_says():
     scans = _scans()
-    held = _paired(CorrespondenceFinder(gate=FixedRejection(distance=2.0)), scans, most=0.4)
+    held = _paired(
+        CorrespondenceFinder(rejection=FixedRejection(max_correspondence_distance=2.0)),
+        scans,
+        most=0.4,
+    )
     assert held.limit == 0.4
     assert _as_set(held) == set(_expected(scans, 0.4))
     assert (
-        _paired(CorrespondenceFinder(gate=FixedRejection(distance=0.3)), scans, most=0.4).limit
+        _paired(
+            CorrespondenceFinder(rejection=FixedRejection(max_correspondence_distance=0.3)),
+            scans,
+            most=0.4,
+        ).limit
         == 0.3
     )
 
@@ -118,7 +133,9 @@ def test_pairs_are_dropped_whose_surfaces_differ_by_more_than_the_angle(limit_de
     order = rng.permutation(18)
     target = point_scan(points[order], normals[order])
     source = point_scan(_POSE.inverse().apply(points), sign * np.array(turned) @ _POSE.rotation)
-    settings = CorrespondenceFinder(gate=FixedRejection(), orientation=math.radians(limit_deg))
+    settings = CorrespondenceFinder(
+        rejection=FixedRejection(), max_normal_angle=math.radians(limit_deg)
+    )
     pairs = _paired(settings, (target, source))
     np.testing.assert_array_equal(pairs.source_rows, np.flatnonzero(angles < limit_deg))
     np.testing.assert_array_equal(order[pairs.target_rows], pairs.source_rows)
@@ -127,7 +144,7 @@ def test_pairs_are_dropped_whose_surfaces_differ_by_more_than_the_angle(limit_de
 def test_robust_weights_look_at_what_is_made_small():
     target, source = _scans(with_normals=True)
     robust = RobustWeights(loss="cauchy", scale=0.2)
-    settings = CorrespondenceFinder(gate=FixedRejection(), robust=robust)
+    settings = CorrespondenceFinder(rejection=FixedRejection(), robust=robust)
     by_distance = _paired(settings, (target, source))
     rows = by_distance.target_rows, by_distance.source_rows
     gaps = _POSE.apply(source.points)[rows[1]] - target.points[rows[0]]
@@ -144,7 +161,8 @@ def test_robust_weights_look_at_what_is_made_small():
 def test_a_scale_from_the_median_is_that_of_the_kept_pairs():
     scans = _scans()
     settings = CorrespondenceFinder(
-        gate=FixedRejection(distance=0.4), robust=RobustWeights(loss="huber")
+        rejection=FixedRejection(max_correspondence_distance=0.4),
+        robust=RobustWeights(loss="huber"),
     )
     pairs = _paired(settings, scans)
     kept = np.array(sorted(_expected(scans, 0.4).values()))
@@ -156,12 +174,12 @@ def test_without_a_partner_there_are_no_pairs():
     target, source = _scans()
     far = Pose.from_step(np.array([100.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     gate = SpyingGate(limits=(1.0,))
-    pairs = CorrespondenceFinder(gate=gate).pair(
+    pairs = CorrespondenceFinder(rejection=gate).find(
         target, source, far, 0.7, math.inf, "point-to-point"
     )
     assert len(pairs) == len(pairs.weights) == len(pairs.source_rows) == 0
     assert math.isnan(pairs.mean_distance)
-    assert pairs.limit == 0.7
+    assert pairs.threshold == 0.7
     assert gate.previous == []
 
 
@@ -170,8 +188,8 @@ def test_where_every_surface_differs_there_are_no_pairs(residual):
     points = np.random.default_rng(2).uniform(-5.0, 5.0, (20, 3))
     target = point_scan(points, np.tile([0.0, 0.0, 1.0], (20, 1)))
     source = point_scan(points, np.tile([1.0, 0.0, 0.0], (20, 1)))
-    settings = CorrespondenceFinder(orientation=1.0, robust=RobustWeights(loss="huber"))
-    none = settings.pair(target, source, Pose.identity(), 0.7, 3.0, residual)
+    settings = CorrespondenceFinder(max_normal_angle=1.0, robust=RobustWeights(loss="huber"))
+    none = settings.find(target, source, Pose.identity(), 0.7, 3.0, residual)
     assert len(none) == len(none.weights) == 0
     assert math.isnan(none.mean_distance)
 
@@ -194,7 +212,11 @@ def test_settings_out_of_range_are_refused(settings, message):
 
 def test_an_endless_reach_and_a_right_angle_are_settings():
     scans = _scans(with_normals=True)
-    widest = CorrespondenceFinder(gate=FixedRejection(), reach=math.inf, orientation=math.pi / 2)
+    widest = CorrespondenceFinder(
+        rejection=FixedRejection(),
+        max_correspondence_distance=math.inf,
+        max_normal_angle=math.pi / 2,
+    )
     assert _as_set(_paired(widest, scans)) == set(_expected(scans, 1.0))
 
 

@@ -2,7 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
@@ -10,6 +9,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.register import register
@@ -36,14 +36,14 @@ def _aligned(method, motion, start=None, constraints=None):
     ],
 )
 def test_a_known_motion_is_recovered(meeting, motion):
-    solution = _aligned(Gicp(meeting=meeting), motion)
+    solution = _aligned(Gicp(search=meeting), motion)
     assert solution.reason is StopReason.STEP_SMALL
     # Noise of 2 cm over thousands of points; voxels of 1 m round off edges.
     assert solution.pose.is_close(motion, translation=0.03, rotation=2e-3)
 
 
 @pytest.mark.parametrize(
-    "solver", [Newton(), Bfgs(), Newton(criteria=ConvergenceCriteria(iterations=2))]
+    "solver", [Newton(), Bfgs(), Newton(criteria=ConvergenceCriteria(max_iterations=2))]
 )
 def test_the_solver_does_not_change_where_the_pairing_ends(solver):
     motion = yaw_pose(0.1, (1.0, -0.5, 0.1))
@@ -58,7 +58,7 @@ def test_a_wide_gate_reaches_farther_and_a_narrow_one_sees_sharper():
     source = motion.inverse().apply(street(2))
     errors = []
     for gates in ((20.0,), (1.0,), (20.0, 5.0, 1.0)):
-        method = Gicp(gates=gates)
+        method = Gicp(max_correspondence_distances=gates)
         solution = method.align(_scan(target, method), _scan(source, method), Pose.identity())
         errors.append(solution.pose.distance(motion)[0])
     wide, narrow, both = errors
@@ -67,9 +67,11 @@ def test_a_wide_gate_reaches_farther_and_a_narrow_one_sees_sharper():
 
 def test_each_scale_starts_from_the_pose_of_the_last():
     motion = yaw_pose(0.1, (1.0, 0.0, 0.0))
-    coarse = _aligned(Gicp(gates=(8.0,), tolerance=8.0 * 0.0025), motion)
-    fine = _aligned(Gicp(gates=(1.0,)), motion, start=coarse.pose)
-    both = _aligned(Gicp(gates=(8.0, 1.0)), motion)
+    coarse = _aligned(
+        Gicp(max_correspondence_distances=(8.0,), step_tolerance=8.0 * 0.0025), motion
+    )
+    fine = _aligned(Gicp(max_correspondence_distances=(1.0,)), motion, start=coarse.pose)
+    both = _aligned(Gicp(max_correspondence_distances=(8.0, 1.0)), motion)
     assert both.pose == fine.pose
     assert len(both.history) == len(coarse.history) + len(fine.history)
 
@@ -96,7 +98,7 @@ def _thinned_count():
 
 @_with_each_meeting
 def test_where_nothing_meets_the_start_is_returned(meeting):
-    method, start = Gicp(meeting=meeting), yaw_pose(0.3, (300.0, 0.0, 0.0))
+    method, start = Gicp(search=meeting), yaw_pose(0.3, (300.0, 0.0, 0.0))
     scan = _scan(street(1), method)
     solution = method.align(scan, scan, start)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -107,7 +109,7 @@ def test_where_nothing_meets_the_start_is_returned(meeting):
 
 def test_a_start_lost_at_the_last_scale_is_returned_untouched():
     # The scans meet at 20 m but, after the best that 20 m can do, not at a centimetre.
-    method = Gicp(gates=(20.0, 0.0001))
+    method = Gicp(max_correspondence_distances=(20.0, 0.0001))
     start = Pose.from_step(np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     solution = method.align(_scan(street(1), method), _scan(street(2), method), start)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -116,7 +118,7 @@ def test_a_start_lost_at_the_last_scale_is_returned_untouched():
 
 
 def test_too_few_rounds_are_said_to_be():
-    solution = _aligned(Gicp(rounds=1), yaw_pose(0.3, (3.0, 2.0, 0.0)))
+    solution = _aligned(Gicp(max_iterations=1), yaw_pose(0.3, (3.0, 2.0, 0.0)))
     assert solution.reason is StopReason.ITERATION_LIMIT
 
 
@@ -124,7 +126,7 @@ def test_too_few_rounds_are_said_to_be():
 def test_locked_directions_stay(meeting):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
     motion = yaw_pose(0.1, (1.0, -0.5, 0.2))
-    solution = _aligned(Gicp(meeting=meeting), motion, start, Constraints(dof="xy+yaw"))
+    solution = _aligned(Gicp(search=meeting), motion, start, Constraints(dof="xy+yaw"))
     assert solution.pose.translation[2] == pytest.approx(start.translation[2], abs=1e-9)
     tilt = solution.pose.rotation @ start.rotation.T
     np.testing.assert_allclose(tilt[2], [0.0, 0.0, 1.0], atol=1e-9)
@@ -141,14 +143,14 @@ def test_a_firm_prior_holds_the_pose():
 
 
 def test_a_scan_keeps_what_it_was_thinned_to():
-    kept = _scan(street(1), Gicp(spacing=0.5))
+    kept = _scan(street(1), Gicp(voxel_size=0.5))
     assert len(kept.surface) < 4000 < len(kept.cloud)
     assert kept.surface.points is kept.tree.points
     assert kept.voxels == ()
     assert kept.insufficient == ""
     assert kept.notes == (f"{len(kept.surface)} surface points; 0 others stand alone",)
     assert set(kept.timings) == {"thin", "surface", "voxels"}
-    widths = [voxels.width for voxels in _scan(street(1), Gicp(meeting="voxel")).voxels]
+    widths = [voxels.width for voxels in _scan(street(1), Gicp(search="voxel")).voxels]
     assert widths == [8.0, 4.0, 2.0, 1.0]
 
 
@@ -174,14 +176,14 @@ def _corridor(seed, count=6000):
 
 def test_coarse_scales_are_not_followed_away_from_a_good_start():
     # A voxel as wide as the corridor holds both of its walls, and its mean lies between them.
-    method = Gicp(meeting="voxel", voxel_widths=(16.0, 1.0))
+    method = Gicp(search="voxel", target_voxel_sizes=(16.0, 1.0))
     target, source = _scan(_corridor(1), method), _scan(_corridor(2), method)
     led = method.align(target, source, Pose.identity())
     assert any("not followed" in note for note in led.notes)
     # Bare walls leave open the way along them and up.
     assert abs(led.pose.translation[1]) < 0.01
     assert led.pose.distance(Pose.identity())[1] < 0.01
-    good = _aligned(Gicp(meeting="voxel"), yaw_pose(0.1, (1.0, -0.5, 0.1)))
+    good = _aligned(Gicp(search="voxel"), yaw_pose(0.1, (1.0, -0.5, 0.1)))
     assert not any("not followed" in note for note in good.notes)
 
 
@@ -189,7 +191,7 @@ def test_coarse_scales_are_not_followed_away_from_a_good_start():
 @pytest.mark.parametrize("count", [1, 3, 9])
 def test_a_handful_of_points_is_too_few(meeting, count):
     handful = np.random.default_rng(0).uniform(-5.0, 5.0, (count, 3))
-    assert _scan(handful, Gicp(meeting=meeting)).insufficient == (
+    assert _scan(handful, Gicp(search=meeting)).insufficient == (
         f"holds {count} surface points, of 10 needed"
     )
 
@@ -197,7 +199,7 @@ def test_a_handful_of_points_is_too_few(meeting, count):
 @_with_each_meeting
 def test_the_front_door_takes_it(meeting):
     motion = yaw_pose(0.2, (2.0, -1.0, 0.1))
-    result = register(motion.inverse().apply(street(2)), street(1), method=Gicp(meeting=meeting))
+    result = register(motion.inverse().apply(street(2)), street(1), method=Gicp(search=meeting))
     assert result.ok, result.reason
     assert result.target_from_source.is_close(motion, translation=0.03, rotation=2e-3)
     assert result.method == "Gicp"

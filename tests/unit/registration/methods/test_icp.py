@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference.point_scans import SpyingGate, point_scan
 from reference.samples import street, yaw_pose
@@ -19,6 +18,7 @@ from scanlock.models.surfaces import surface_normals
 from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.annealing import Annealing
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.registration.methods.correspondences import CorrespondenceFinder, typical_spacing
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.icp_annealing import AnnealedStart
@@ -31,8 +31,10 @@ from scanlock.registration.methods.rejection import (
 from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _MOTION = yaw_pose(0.05, (0.5, -0.3, 0.1))
-_PLANES = TransformEstimation(step="gauss-newton", residual="point-to-plane")
-_FITS = {step: TransformEstimation(step=step) for step in ("svd", "quaternion", "gauss-newton")}
+_PLANES = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
+_FITS = {
+    step: TransformEstimation(algorithm=step) for step in ("svd", "quaternion", "gauss-newton")
+}
 _FITS["planes"] = _PLANES
 _LATTICE = 10.0 * np.array(list(itertools.product(range(4), repeat=3)), np.float64) - 15.0
 """Points too far apart for a pair to change sides."""
@@ -53,16 +55,18 @@ def _aligned(method, motion=_MOTION, start=None, constraints=None, count=6000):
 
 _VARIANTS = {
     "svd": Icp(),
-    "quaternion": Icp(fit=TransformEstimation(step="quaternion")),
-    "gauss-newton": Icp(fit=TransformEstimation(step="gauss-newton")),
+    "quaternion": Icp(estimation=TransformEstimation(algorithm="quaternion")),
+    "gauss-newton": Icp(estimation=TransformEstimation(algorithm="gauss-newton")),
     "tessellation": Icp(search="delaunay"),
-    "planes": Icp(fit=_PLANES),
-    "all points": Icp(spacing=None),
+    "planes": Icp(estimation=_PLANES),
+    "all points": Icp(voxel_size=None),
     "noise": Icp(noise=SensorNoise()),
-    "noise, planes": Icp(noise=SensorNoise(), fit=_PLANES),
-    "robust": Icp(pairing=CorrespondenceFinder(robust=RobustWeights(loss="tukey"))),
-    "orientation": Icp(pairing=CorrespondenceFinder(orientation=math.radians(60.0))),
-    "trimmed": Icp(pairing=CorrespondenceFinder(gate=TrimmedRejection(share=0.8))),
+    "noise, planes": Icp(noise=SensorNoise(), estimation=_PLANES),
+    "robust": Icp(correspondences=CorrespondenceFinder(robust=RobustWeights(loss="tukey"))),
+    "orientation": Icp(correspondences=CorrespondenceFinder(max_normal_angle=math.radians(60.0))),
+    "trimmed": Icp(
+        correspondences=CorrespondenceFinder(rejection=TrimmedRejection(inlier_ratio=0.8))
+    ),
     "paper": Icp.madhavan2003(),
 }
 
@@ -80,7 +84,7 @@ def test_a_known_motion_is_recovered(variant):
 def test_the_motion_of_one_look_is_recovered_exactly(fit, noise):
     # Of two looks, Gauss and Newton under noise hold what is a metre from the sensor to within
     # millimetres, though no two points there are samples of one place.
-    method = Icp(spacing=None, noise=noise, fit=fit)
+    method = Icp(voxel_size=None, noise=noise, estimation=fit)
     target = _scan(street(1, 3000), method)
     source = _scan(_MOTION.inverse().apply(street(1, 3000)), method)
     solution = method.align(target, source, Pose.identity())
@@ -91,8 +95,10 @@ def test_the_motion_of_one_look_is_recovered_exactly(fit, noise):
 @pytest.mark.parametrize("variant", ["svd", "quaternion", "gauss-newton", "tessellation"])
 def test_search_and_step_do_not_change_the_answer(variant):
     # A fixed gate: the mean of an adaptive one rounds differently.
-    method = replace(_VARIANTS[variant], pairing=CorrespondenceFinder(gate=FixedRejection()))
-    expected = _aligned(Icp(pairing=CorrespondenceFinder(gate=FixedRejection())), count=3000).pose
+    method = replace(_VARIANTS[variant], pairing=CorrespondenceFinder(rejection=FixedRejection()))
+    expected = _aligned(
+        Icp(correspondences=CorrespondenceFinder(rejection=FixedRejection())), count=3000
+    ).pose
     found = _aligned(method, count=3000).pose
     assert found.is_close(expected, translation=1e-6, rotation=1e-7)
 
@@ -108,14 +114,14 @@ def test_a_scan_to_itself_stays():
 
 def test_a_scan_is_thinned_to_the_means_of_its_voxels():
     points = street(1, 2000)
-    kept = _scan(points, Icp(spacing=1.5))
+    kept = _scan(points, Icp(voxel_size=1.5))
     means = voxel_means(points, 1.5)
     np.testing.assert_array_equal(np.sort(kept.points, axis=0), np.sort(means, axis=0))
     assert isinstance(kept.closest, PointTree)
     assert kept.spacing == typical_spacing(kept.closest)
     assert kept.notes == (f"{len(means)} points to pair, {kept.spacing:.3g} m apart",)
     assert kept.insufficient == ""
-    assert len(_scan(points, Icp(spacing=None)).points) == len(points)
+    assert len(_scan(points, Icp(voxel_size=None)).points) == len(points)
 
 
 def test_only_what_the_settings_need_is_kept():
@@ -124,8 +130,8 @@ def test_only_what_the_settings_need_is_kept():
     assert (len(plain.normals), len(plain.covariances), len(plain.sample)) == (0, 0, 0)
     assert set(plain.timings) == {"thin", "search", "surface"}
     for method in (
-        Icp(fit=_PLANES, neighbours=7),
-        Icp(pairing=CorrespondenceFinder(orientation=1.0)),
+        Icp(estimation=_PLANES, neighbours=7),
+        Icp(correspondences=CorrespondenceFinder(max_normal_angle=1.0)),
     ):
         kept = method.prepare(cloud)
         assert isinstance(kept.closest, PointTree)
@@ -135,7 +141,7 @@ def test_only_what_the_settings_need_is_kept():
     noise = SensorNoise(range_deviation=0.05)
     noisy = Icp(noise=noise).prepare(cloud)
     np.testing.assert_array_equal(noisy.covariances, noise.covariances(noisy.points))
-    searched = Icp(annealing=AnnealedStart(sample=90)).prepare(cloud)
+    searched = Icp(annealing=AnnealedStart(sample_size=90)).prepare(cloud)
     assert len(searched.sample) == 90
     assert set(searched.timings) == {"thin", "search", "surface", "sample"}
     for array in (noisy.covariances, searched.sample, searched.points):
@@ -154,7 +160,7 @@ def test_noise_about_a_sensor_that_may_be_elsewhere_is_said():
 @pytest.mark.parametrize("count", [9, 10])
 def test_fewer_than_ten_meeting_points_are_no_support(count):
     source = np.concatenate([_LATTICE[::3][:count] + 0.1, 100.0 * _LATTICE])
-    method = Icp(pairing=CorrespondenceFinder(gate=FixedRejection()))
+    method = Icp(correspondences=CorrespondenceFinder(rejection=FixedRejection()))
     start = yaw_pose(0.001, (0.1, 0.0, 0.0))
     solution = method.align(point_scan(_LATTICE), point_scan(source), start)
     assert solution.history[0].pairs == count
@@ -177,7 +183,7 @@ def test_where_nothing_meets_the_start_is_returned_untouched(method):
 
 def test_a_start_whose_pairs_are_lost_on_the_way_is_returned_untouched():
     gate = SpyingGate(limits=(2.0, 2.0, 1e-9))
-    method = Icp(pairing=CorrespondenceFinder(gate=gate))
+    method = Icp(correspondences=CorrespondenceFinder(rejection=gate))
     start = yaw_pose(0.01, (0.1, 0.0, 0.0))
     solution = _aligned(method, start=start, count=2000)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -190,7 +196,9 @@ def test_a_start_whose_pairs_are_lost_on_the_way_is_returned_untouched():
 def test_no_start_of_the_search_has_support_either():
     # Searched for but within reach of nothing: the first start is what comes back.
     search = AnnealedStart(annealing=Annealing(steps=50, chains=1))
-    method = Icp(pairing=CorrespondenceFinder(reach=1e-6), annealing=search)
+    method = Icp(
+        correspondences=CorrespondenceFinder(max_correspondence_distance=1e-6), annealing=search
+    )
     start = yaw_pose(0.1, (1.0, 0.0, 0.0))
     solution = _aligned(method, start=start, count=2000)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -198,8 +206,8 @@ def test_no_start_of_the_search_has_support_either():
 
 
 def test_the_history_tells_each_pairing():
-    pairing = CorrespondenceFinder(gate=FixedRejection(distance=0.8))
-    method, start = Icp(pairing=pairing), yaw_pose(0.01, (0.1, 0.0, 0.0))
+    pairing = CorrespondenceFinder(rejection=FixedRejection(max_correspondence_distance=0.8))
+    method, start = Icp(correspondences=pairing), yaw_pose(0.01, (0.1, 0.0, 0.0))
     sides = _sides(method, count=3000)
     solution = method.align(*sides, start)
     assert solution.history[0].pose == start
@@ -207,7 +215,7 @@ def test_the_history_tells_each_pairing():
     assert solution.history[-1].value == solution.quadratic.value
     assert all(one.accepted for one in solution.history)
     for before, one in itertools.pairwise((None, *solution.history)):
-        pairs = pairing.pair(*sides, one.pose, math.inf, math.inf, "point-to-point")
+        pairs = pairing.find(*sides, one.pose, math.inf, math.inf, "point-to-point")
         assert (one.pairs, one.mean_distance) == (len(pairs), pairs.mean_distance)
         moved = (0.0, 0.0) if before is None else one.pose.distance(before.pose)
         assert one.step_norm == pytest.approx(math.hypot(moved[0], 20.0 * moved[1]))
@@ -224,7 +232,7 @@ def test_the_history_tells_each_pairing():
 
 
 def test_what_the_gate_inferred_is_noted():
-    method = Icp(pairing=CorrespondenceFinder(gate=SpyingGate(limits=(1.0,))))
+    method = Icp(correspondences=CorrespondenceFinder(rejection=SpyingGate(limits=(1.0,))))
     sides = _sides(method, count=2000)
     notes = method.align(*sides, Pose.identity()).notes
     assert notes[0] == f"spied at {sides[0].spacing:g} m"
@@ -242,7 +250,7 @@ def test_near_enough_stops_it_early():
 
 def test_too_few_iterations_are_said_to_be():
     full = _aligned(Icp(), count=3000)
-    cut = _aligned(Icp(criteria=IcpConvergenceCriteria(iterations=3)), count=3000)
+    cut = _aligned(Icp(criteria=IcpConvergenceCriteria(max_iterations=3)), count=3000)
     assert cut.reason is StopReason.ITERATION_LIMIT
     assert len(cut.history) == 3
     assert cut.pose == full.history[2].pose
@@ -253,9 +261,9 @@ def test_an_adaptive_gate_heeds_its_limit_once_the_pose_settles():
     limits = tuple(3.0 - 0.1 * k for k in range(15))
     gate = SpyingGate(limits=limits)
     method = Icp(
-        pairing=CorrespondenceFinder(gate=gate),
-        settling=0.05,
-        criteria=IcpConvergenceCriteria(iterations=15),
+        correspondences=CorrespondenceFinder(rejection=gate),
+        statistics_switch_step=0.05,
+        criteria=IcpConvergenceCriteria(max_iterations=15),
     )
     steps = [one.step_norm for one in _aligned(method, count=3000).history]
     settled = next(k for k, step in enumerate(steps) if k and step < 0.05)
@@ -266,8 +274,12 @@ def test_an_adaptive_gate_heeds_its_limit_once_the_pose_settles():
 
 def test_settling_at_once_heeds_limits_from_the_second_iteration():
     gate = SpyingGate(limits=(9.0, 8.0, 7.0, 6.0))
-    criteria = IcpConvergenceCriteria(iterations=4)
-    method = Icp(pairing=CorrespondenceFinder(gate=gate), settling=math.inf, criteria=criteria)
+    criteria = IcpConvergenceCriteria(max_iterations=4)
+    method = Icp(
+        correspondences=CorrespondenceFinder(rejection=gate),
+        statistics_switch_step=math.inf,
+        criteria=criteria,
+    )
     _aligned(method, count=2000)
     assert gate.previous == [math.inf, 9.0, 8.0, 7.0]
 
@@ -275,14 +287,14 @@ def test_settling_at_once_heeds_limits_from_the_second_iteration():
 def test_the_paper_takes_all_points_a_tessellation_and_statistics_of_all_pairs():
     method = Icp.madhavan2003()
     assert method.search == "delaunay"
-    assert method.spacing is None
+    assert method.voxel_size is None
     assert method.noise is None
     assert method.annealing is None
-    assert method.pairing == CorrespondenceFinder(
-        gate=AdaptiveRejection(statistics="all"), reach=math.inf
+    assert method.correspondences == CorrespondenceFinder(
+        rejection=AdaptiveRejection(statistics="all"), max_correspondence_distance=math.inf
     )
-    assert method.fit == TransformEstimation(step="svd", residual="point-to-point")
-    assert (method.criteria.change, method.criteria.mean_distance) == (0.01, None)
+    assert method.estimation == TransformEstimation(algorithm="svd", residual="point-to-point")
+    assert (method.criteria.relative_change, method.criteria.mean_distance) == (0.01, None)
     gate = Icp.madhavan2003(good_distance=0.4).pairing.gate
     assert isinstance(gate, AdaptiveRejection)
     assert gate.good_distance == 0.4
@@ -302,7 +314,7 @@ def test_the_paper_stops_at_a_small_share_of_the_motion():
 @pytest.mark.parametrize("fit", [TransformEstimation(), _PLANES], ids=["points", "planes"])
 def test_locked_directions_stay(fit):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
-    solution = _aligned(Icp(fit=fit), start=start, constraints=Constraints(dof="xy+yaw"))
+    solution = _aligned(Icp(estimation=fit), start=start, constraints=Constraints(dof="xy+yaw"))
     assert solution.reason.is_converged
     assert solution.pose.translation[2] == pytest.approx(start.translation[2], abs=1e-9)
     tilt = solution.pose.rotation @ start.rotation.T
@@ -324,7 +336,7 @@ def test_a_firm_prior_holds_the_pose_and_is_said_to():
 
 def test_scans_of_a_line_are_laid_upon_each_other_and_said_to_be_one():
     line = np.arange(-10.0, 10.0, 0.5)[:, None] * [1.0, 0.0, 0.0]
-    method = Icp(spacing=None, pairing=CorrespondenceFinder(gate=FixedRejection()))
+    method = Icp(voxel_size=None, correspondences=CorrespondenceFinder(rejection=FixedRejection()))
     target = _scan(line, method)
     source = _scan(yaw_pose(0.02, (0.05, 0.3, 0.1)).inverse().apply(line), method)
     solution = method.align(target, source, Pose.identity())
@@ -337,7 +349,10 @@ def test_scans_of_a_line_are_laid_upon_each_other_and_said_to_be_one():
 @pytest.mark.parametrize("step", ["svd", "quaternion", "gauss-newton"])
 def test_pairs_without_weight_are_no_support(step):
     robust = RobustWeights(loss="tukey", scale=0.001)
-    method = Icp(pairing=CorrespondenceFinder(robust=robust), fit=TransformEstimation(step=step))
+    method = Icp(
+        correspondences=CorrespondenceFinder(robust=robust),
+        estimation=TransformEstimation(algorithm=step),
+    )
     start = yaw_pose(0.1, (1.0, 0.0, 0.3))
     solution = _aligned(method, start=start, count=2000)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -363,4 +378,4 @@ def test_settings_out_of_range_are_refused(settings, message):
 
 
 def test_settling_at_once_is_a_setting():
-    assert Icp(settling=math.inf).settling == math.inf
+    assert Icp(statistics_switch_step=math.inf).statistics_switch_step == math.inf

@@ -5,11 +5,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference import point_tree
 from reference.point_scans import point_scan
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.rejection import FixedRejection
@@ -34,7 +34,7 @@ class _Seesaw:
 def test_limits_that_grow_and_shrink_for_ever_are_held_at_their_least():
     source = _LATTICE.copy()
     source[::4, 0] += 1.0  # a quarter of the points, which the wide limit lets in
-    method = Icp(spacing=None, pairing=CorrespondenceFinder(gate=_Seesaw()))
+    method = Icp(voxel_size=None, correspondences=CorrespondenceFinder(rejection=_Seesaw()))
     solution = method.align(point_scan(_LATTICE), point_scan(source), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20
@@ -61,7 +61,7 @@ def test_pairs_that_change_sides_for_ever_end_it():
     # Two copies of the lattice, 0.2 m apart, and each in turn for the closest.
     both = np.concatenate([_LATTICE, _LATTICE + np.array([0.2, 0.0, 0.0])])
     target = point_scan(both, closest=_Turncoat(both))
-    method = Icp(pairing=CorrespondenceFinder(gate=FixedRejection()))
+    method = Icp(correspondences=CorrespondenceFinder(rejection=FixedRejection()))
     solution = method.align(target, point_scan(_LATTICE), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20

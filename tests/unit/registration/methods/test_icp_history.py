@@ -2,16 +2,16 @@ import math
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Iteration
 from scanlock.registration.methods.correspondences import Correspondences
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
 
-_NEVER = IcpConvergenceCriteria(step=1e-300)
+_NEVER = IcpConvergenceCriteria(step_tolerance=1e-300)
 
 
 def _shift(x, yaw=0.0):
@@ -132,7 +132,7 @@ def test_unasked_a_mean_distance_stops_nothing():
 @pytest.mark.parametrize(("step", "stops"), [(0.99e-3, True), (1e-3, False)])
 def test_a_small_step_stops(step, stops):
     history = _history([_shift(0.0), _shift(1.0)], step_norm=step)
-    reason, note = IcpConvergenceCriteria(step=1e-3).reason(history)
+    reason, note = IcpConvergenceCriteria(step_tolerance=1e-3).reason(history)
     assert reason is (StopReason.STEP_SMALL if stops else None)
     assert note == ("stopped because the pose changed no more" if stops else "")
 
@@ -154,7 +154,7 @@ def test_the_first_pairing_made_no_step_to_stop_at():
     ],
 )
 def test_a_change_by_a_small_share_of_the_motion_stops(before, last, stops):
-    criteria = IcpConvergenceCriteria(change=0.01)
+    criteria = IcpConvergenceCriteria(relative_change=0.01)
     reason, note = criteria.reason(_history([before, last]))
     assert reason is (StopReason.STEP_SMALL if stops else None)
     assert note == (
@@ -166,7 +166,7 @@ def test_a_change_by_a_small_share_of_the_motion_stops(before, last, stops):
 
 
 def test_too_long_is_no_convergence():
-    criteria = IcpConvergenceCriteria(iterations=3)
+    criteria = IcpConvergenceCriteria(max_iterations=3)
     poses = [_shift(float(k)) for k in range(3)]
     assert criteria.reason(_history(poses[:2])) == (None, "")
     reason, note = criteria.reason(_history(poses))

@@ -23,7 +23,7 @@ _WRONG = _hypothesis(1.5, (4.0, 0.0, 0.0))
 
 
 def _follow(hypotheses, plausibility=lambda pose: 1.0, **settings):
-    return MultiStart(**settings).follow(_TARGET, _SOURCE, hypotheses, UNCONSTRAINED, plausibility)
+    return MultiStart(**settings).refine(_TARGET, _SOURCE, hypotheses, UNCONSTRAINED, plausibility)
 
 
 def test_a_hypothesis_close_by_ends_at_the_truth():
@@ -60,7 +60,7 @@ def test_a_prior_that_outweighs_the_scans_leaves_the_best():
     believed = PosePrior.from_deviations(yaw_pose(0.0, (0.0, 0.0, 9.0)) @ _TRUTH, 0.3, 0.1)
     # The height is locked, so that no descent can give in to it.
     constraints = Constraints(dof="xy+yaw", prior=believed)
-    ended, _ = MultiStart().follow(_TARGET, _SOURCE, [_NEAR], constraints, lambda pose: 1.0)
+    ended, _ = MultiStart().refine(_TARGET, _SOURCE, [_NEAR], constraints, lambda pose: 1.0)
     assert len(ended) == 1
     assert ended[0].solution.quadratic.value > 0.0
 
@@ -88,8 +88,8 @@ def test_settings_out_of_range_are_refused(settings, message):
 
 
 def test_scales_are_those_of_the_settings():
-    single = MultiStart(scales=(Scale(blur=2.0, max_radius=3.0),))
-    ended, history = single.follow(
+    single = MultiStart(scales=(Scale(smoothing=2.0, max_radius=3.0),))
+    ended, history = single.refine(
         _TARGET[:1], _SOURCE[:1], [_NEAR], UNCONSTRAINED, lambda pose: 1.0
     )
     assert len(history) == len(ended[0].solution.history)

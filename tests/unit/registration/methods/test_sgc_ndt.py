@@ -26,7 +26,7 @@ def test_points_of_p2d_are_thinned_by_the_spacing():
     motion = yaw_pose(0.1, (1.0, 0.0, 0.0))
     source, target = motion.inverse().apply(street(2)), street(1)
     for spacing in (0.25, 2.0):
-        method = SgcNdt(score="p2d", spacing=spacing, spacing_share=0.0)
+        method = SgcNdt(score="p2d", voxel_size=spacing, voxel_size_ratio=0.0)
         result = register(source, target, method=method)
         assert result.target_from_source.is_close(motion, translation=0.2, rotation=0.01)
         assert result.method == "SgcNdt"
@@ -55,7 +55,7 @@ def test_merging_changes_the_way_and_not_the_end():
     motion = yaw_pose(0.5, (4.0, 1.0, 0.0))
     source, target = motion.inverse().apply(street(2)), street(1)
     ends = [
-        register(source, target, method=SgcNdt(merge_share=share)).target_from_source
+        register(source, target, method=SgcNdt(merge_ratio=share)).target_from_source
         for share in (0.0, 2.0)
     ]
     assert ends[0].is_close(ends[1], translation=1e-5, rotation=1e-6)

@@ -63,7 +63,7 @@ def _fitted(fit, scene, constraints=UNCONSTRAINED, start=_START, steps=1):
     target, source, pairs = scene
     objective, pose, note = fit.objective(target, source, pairs, start), start, ""
     for _ in range(steps):
-        pose, note = fit.moved(
+        pose, note = fit.next_pose(
             objective, constraints.on(objective).linearise(pose), pose, constraints
         )
     return pose, note
@@ -73,7 +73,7 @@ def _fitted(fit, scene, constraints=UNCONSTRAINED, start=_START, steps=1):
 @pytest.mark.parametrize("deviation", [0.1, 0.5])
 def test_distances_cost_their_squares_over_the_variance(step, deviation):
     target, source, pairs = _scene()
-    objective = TransformEstimation(step=step, deviation=deviation).objective(
+    objective = TransformEstimation(algorithm=step, sampling_deviation=deviation).objective(
         target, source, pairs, _START
     )
     squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
@@ -85,7 +85,9 @@ def test_distances_cost_their_squares_over_the_variance(step, deviation):
 
 def test_planes_cost_only_what_lies_along_the_normal_of_the_target():
     target, source, pairs = _scene()
-    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane", deviation=0.3)
+    fit = TransformEstimation(
+        algorithm="gauss-newton", residual="point-to-plane", sampling_deviation=0.3
+    )
     normals = target.normals[pairs.target_rows]
     offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
     expected = 0.5 * np.mean(pairs.weights * offsets**2) / 0.3**2
@@ -102,7 +104,9 @@ def _pair_covariances(target, source, pairs):
 @_with_each_closed_form
 def test_closed_forms_weigh_noise_and_sampling_by_their_mean_variance(step):
     target, source, pairs = _scene(is_noisy=True)
-    found = TransformEstimation(step=step, deviation=0.05).objective(target, source, pairs, _START)
+    found = TransformEstimation(algorithm=step, sampling_deviation=0.05).objective(
+        target, source, pairs, _START
+    )
     squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
     variances = np.trace(_pair_covariances(target, source, pairs), axis1=1, axis2=2) / 3.0 + 0.05**2
     expected = 0.5 * np.mean(pairs.weights * squares / variances)
@@ -111,7 +115,7 @@ def test_closed_forms_weigh_noise_and_sampling_by_their_mean_variance(step):
 
 def test_gauss_and_newton_weigh_noise_and_sampling_by_the_whole_covariance():
     target, source, pairs = _scene(is_noisy=True)
-    fit = TransformEstimation(step="gauss-newton", deviation=0.05)
+    fit = TransformEstimation(algorithm="gauss-newton", sampling_deviation=0.05)
     gaps = _gaps(target, source, pairs, _POSE)
     inverses = np.linalg.inv(_pair_covariances(target, source, pairs) + 0.05**2 * np.eye(3))
     expected = 0.5 * np.mean(pairs.weights * np.einsum("mi,mij,mj->m", gaps, inverses, gaps))
@@ -121,7 +125,9 @@ def test_gauss_and_newton_weigh_noise_and_sampling_by_the_whole_covariance():
 
 def test_planes_weigh_noise_by_its_variance_along_the_normal():
     target, source, pairs = _scene(is_noisy=True)
-    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane", deviation=7.0)
+    fit = TransformEstimation(
+        algorithm="gauss-newton", residual="point-to-plane", sampling_deviation=7.0
+    )
     normals = target.normals[pairs.target_rows]
     offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
     both = _pair_covariances(target, source, pairs)
@@ -134,14 +140,14 @@ def test_planes_weigh_noise_by_its_variance_along_the_normal():
 @_with_each_closed_form
 def test_a_closed_form_is_at_the_minimum_in_one_step(step):
     target, source, pairs = _scene(noise=0.3)
-    found, note = _fitted(TransformEstimation(step=step), (target, source, pairs))
+    found, note = _fitted(TransformEstimation(algorithm=step), (target, source, pairs))
     rows = target.points[pairs.target_rows], source.points[pairs.source_rows]
     expected = fit_arun(*rows, pairs.weights)
     assert note == ""
     assert found.is_close(expected, translation=1e-12, rotation=1e-12)
     # Weights matter here, or the line above would say nothing of them.
     assert found.distance(fit_arun(*rows))[0] > 1e-3
-    clean, _ = _fitted(TransformEstimation(step=step), _scene(noise=0.0))
+    clean, _ = _fitted(TransformEstimation(algorithm=step), _scene(noise=0.0))
     assert clean.is_close(_POSE, translation=1e-12, rotation=1e-12)
 
 
@@ -154,16 +160,19 @@ def test_each_closed_form_is_the_one_it_is_called():
     forms = {"svd": moments.by_singular_values(), "quaternion": moments.by_quaternion()}
     assert forms["svd"] != forms["quaternion"]
     for step, form in forms.items():
-        assert _fitted(TransformEstimation(step=step), (target, source, pairs))[0] == form @ _START
+        assert (
+            _fitted(TransformEstimation(algorithm=step), (target, source, pairs))[0]
+            == form @ _START
+        )
 
 
 def test_steps_of_gauss_and_newton_end_where_the_closed_form_is():
     scene = _scene(noise=0.3)
-    closed, _ = _fitted(TransformEstimation(step="svd"), scene)
-    first, note = _fitted(TransformEstimation(step="gauss-newton"), scene)
+    closed, _ = _fitted(TransformEstimation(algorithm="svd"), scene)
+    first, note = _fitted(TransformEstimation(algorithm="gauss-newton"), scene)
     assert note == ""
     assert first.distance(closed)[0] > 1e-4
-    settled, _ = _fitted(TransformEstimation(step="gauss-newton"), scene, steps=20)
+    settled, _ = _fitted(TransformEstimation(algorithm="gauss-newton"), scene, steps=20)
     assert settled.is_close(closed, translation=1e-10, rotation=1e-11)
 
 
@@ -176,7 +185,7 @@ def test_pairs_of_no_weight_pull_nothing(step):
     some = _pairs((pairs.target_rows[kept], pairs.source_rows[kept]), weights[kept])
     all_pairs = _pairs((pairs.target_rows, pairs.source_rows), weights)
     found, expected = (
-        _fitted(TransformEstimation(step=step), (target, source, one))[0]
+        _fitted(TransformEstimation(algorithm=step), (target, source, one))[0]
         for one in (all_pairs, some)
     )
     assert found.is_close(expected, translation=1e-10, rotation=1e-10)
@@ -184,7 +193,7 @@ def test_pairs_of_no_weight_pull_nothing(step):
 
 def test_planes_find_a_known_motion():
     scene = _scene(noise=0.0, count=60)
-    fit = TransformEstimation(step="gauss-newton", residual="point-to-plane")
+    fit = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
     found, note = _fitted(fit, scene, steps=8)
     assert note == ""
     assert found.is_close(_POSE, translation=1e-9, rotation=1e-10)
@@ -212,7 +221,7 @@ def _best_of(dof, scene, start):
 def test_locked_directions_stay_and_the_others_are_at_their_best(step, dof):
     scene, constraints = _scene(noise=0.2), Constraints(dof=dof)
     found, note = _fitted(
-        TransformEstimation(step=step),
+        TransformEstimation(algorithm=step),
         scene,
         constraints,
         steps=20 if step == "gauss-newton" else 1,
@@ -237,12 +246,12 @@ def test_pairs_on_a_line_are_fitted_without_a_turn_about_it(step):
     source = np.linspace(-10.0, 10.0, 25)[:, None] * [0.0, 0.6, 0.8]
     rows = np.arange(25), np.arange(25)
     scene = point_scan(truth.apply(source)), point_scan(source), _pairs(rows)
-    found, note = _fitted(TransformEstimation(step=step), scene, start=start)
+    found, note = _fitted(TransformEstimation(algorithm=step), scene, start=start)
     assert note == _ON_A_LINE
     turn = log_rotation(found.rotation @ start.rotation.T)
     assert abs(turn @ start.rotation @ [0.0, 0.6, 0.8]) < 1e-9
     assert np.linalg.norm(turn) > 0.05
-    settled, _ = _fitted(TransformEstimation(step=step), scene, start=start, steps=8)
+    settled, _ = _fitted(TransformEstimation(algorithm=step), scene, start=start, steps=8)
     np.testing.assert_allclose(_gaps(*scene, settled), 0.0, atol=1e-9)
 
 
@@ -263,12 +272,14 @@ def test_pairs_on_an_upright_line_hold_no_yaw(dof):
 def test_a_prior_is_heeded_by_steps_of_gauss_and_newton(step):
     scene = _scene()
     constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.01, 0.001))
-    found, note = _fitted(TransformEstimation(step=step), scene, constraints, steps=3)
+    found, note = _fitted(TransformEstimation(algorithm=step), scene, constraints, steps=3)
     assert note == "no closed form heeds a prior: steps of Gauss and Newton instead"
-    newton, silence = _fitted(TransformEstimation(step="gauss-newton"), scene, constraints, steps=3)
+    newton, silence = _fitted(
+        TransformEstimation(algorithm="gauss-newton"), scene, constraints, steps=3
+    )
     assert silence == ""
     assert found == newton
-    free, _ = _fitted(TransformEstimation(step=step), scene)
+    free, _ = _fitted(TransformEstimation(algorithm=step), scene)
     assert free.distance(found)[0] > 0.1
 
 
@@ -277,7 +288,10 @@ def test_a_prior_weighs_against_the_deviation_of_a_pair():
     constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.1, 0.01))
     sure, unsure = (
         _fitted(
-            TransformEstimation(step="gauss-newton", deviation=one), scene, constraints, steps=10
+            TransformEstimation(algorithm="gauss-newton", sampling_deviation=one),
+            scene,
+            constraints,
+            steps=10,
         )[0]
         for one in (1e-4, 1e3)
     )

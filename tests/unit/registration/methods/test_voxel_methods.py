@@ -2,7 +2,6 @@ import pickle
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
@@ -10,6 +9,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
@@ -25,13 +25,13 @@ _PUBLISHED = {"das2013": Ndt.das2013(), "stoyanov2012": NdtD2d.stoyanov2012()}
 _DEFAULTS = {"ndt": Ndt(), "ndt-d2d": NdtD2d(), "mskm-ndt": MskmNdt()}
 
 _VARIANTS = {
-    "own": Ndt(meeting="own-cell"),
-    "seven": Ndt(meeting="seven-cells"),
-    "trilinear": Ndt(meeting="trilinear"),
-    "all": Ndt(meeting="all"),
+    "own": Ndt(association="own-cell"),
+    "seven": Ndt(association="seven-cells"),
+    "trilinear": Ndt(association="trilinear"),
+    "all": Ndt(association="all"),
     "damped": Ndt(solver=LevenbergMarquardt()),
-    "nearest": NdtD2d(meeting="nearest"),
-    "cells": NdtD2d(meeting="cells-around"),
+    "nearest": NdtD2d(association="nearest"),
+    "cells": NdtD2d(association="cells-around"),
     "d2d damped": NdtD2d(solver=LevenbergMarquardt()),
     "k-means d2d": MskmNdt(score="d2d"),
     "k-means obstacles": MskmNdt(points="obstacles"),
@@ -108,7 +108,7 @@ def test_widths_at_which_a_scan_starves_are_passed_over(method):
 
 
 def test_a_scan_that_starves_at_every_width_is_registered_by_most_gaussians():
-    kept = Ndt(widths=(1.0, 0.5)).prepare(PointCloud.from_array(street(1)))
+    kept = Ndt(cell_sizes=(1.0, 0.5)).prepare(PointCloud.from_array(street(1)))
     assert max(kept.shares) < 0.6
     assert dense_scales(kept) == dense_scales(kept, kept) == [0]
 
@@ -123,8 +123,8 @@ def test_points_that_say_no_return_are_left_out_of_a_sensor_frame_only():
 
 def test_p2d_takes_all_points_or_thins_them():
     cloud = PointCloud.from_array(street(1))
-    assert len(Ndt(spacing=0.0).prepare(cloud).points) == len(cloud)
-    assert 4 < len(Ndt(spacing=10.0).prepare(cloud).points) < 0.1 * len(cloud)
+    assert len(Ndt(voxel_size=0.0).prepare(cloud).points) == len(cloud)
+    assert 4 < len(Ndt(voxel_size=10.0).prepare(cloud).points) < 0.1 * len(cloud)
 
 
 def test_identical_scans_are_stationary_for_d2d():
@@ -136,7 +136,7 @@ def test_identical_scans_are_stationary_for_d2d():
 def test_the_settings_of_the_papers():
     das, stoyanov = _PUBLISHED["das2013"], _PUBLISHED["stoyanov2012"]
     assert (das.widths, das.meeting, das.spacing) == ((3.0,), "own-cell", 0.0)
-    assert das.solver.criteria.gradient == das.solver.criteria.step == 1e-6
+    assert das.solver.criteria.gradient_tolerance == das.solver.criteria.step_tolerance == 1e-6
     assert stoyanov.widths == (2.0, 1.0, 0.5)
     assert stoyanov.shape == ScoreShape(sharpness=0.05)
 

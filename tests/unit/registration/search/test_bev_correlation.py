@@ -19,7 +19,7 @@ _SEARCH = BevSearch()
 
 def _view(points, search=_SEARCH):
     cloud = PointCloud.from_array(points)
-    return search.view(cloud, GroundFinder().find(cloud))
+    return search.grid(cloud, GroundFinder().find(cloud))
 
 
 def _assert_near(pose, truth):
@@ -65,10 +65,10 @@ def test_small_rooms_get_small_cells():
 @pytest.mark.parametrize("turn", [0.3, 0.5 * math.pi, math.pi - 0.03, -0.5 * math.pi + 0.04])
 def test_hypotheses_are_distinct_and_best_first(turn):
     # A peak at a right angle has neighbours in two quarters of the circle.
-    search = BevSearch(least_share=0.0)
+    search = BevSearch(min_score_ratio=0.0)
     truth = yaw_pose(turn, (12.0, -7.0, 0.3))
     found = search.hypotheses(_view(street(1)), _view(truth.inverse().apply(street(2))))
-    assert len(found) == search.most
+    assert len(found) == search.max_hypotheses
     weights = [one.weight for one in found]
     assert weights == sorted(weights, reverse=True)
     for k, one in enumerate(found):

@@ -123,7 +123,7 @@ def test_hypotheses_are_distinct_best_first_and_repeatable():
             for other in found[:k]
         )
     assert found == _MATCHER.hypotheses(*features)
-    assert len(ClusterMatcher(most=1).hypotheses(*features)) == 1
+    assert len(ClusterMatcher(max_hypotheses=1).hypotheses(*features)) == 1
 
 
 def test_a_wrong_scene_is_believed_less():

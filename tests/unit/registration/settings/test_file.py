@@ -3,10 +3,10 @@ import tomllib
 from dataclasses import dataclass, replace
 
 import pytest
-from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.optimisation.solvers.bfgs import Bfgs
+from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
@@ -27,7 +27,7 @@ from scanlock.segmentation.segmentation import Segmenter
 
 
 def _with_segmenter(**parts):
-    return SgcNdt(landmarks=ClusterGaussianExtractor(segmenter=Segmenter(**parts)))
+    return SgcNdt(extractor=ClusterGaussianExtractor(segmenter=Segmenter(**parts)))
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -46,12 +46,12 @@ def test_every_method_comes_back_the_same(name):
         SgcNdt(
             score="p2d",
             schedule=CoarseToFine(
-                solver=LevenbergMarquardt(criteria=ConvergenceCriteria(step=1e-300))
+                solver=LevenbergMarquardt(criteria=ConvergenceCriteria(step_tolerance=1e-300))
             ),
         ),
         _with_segmenter(clusters=ClusterFinder(merge=L2Distance())),
         _with_segmenter(ground=GroundFinder.das2013()),
-        Gicp(gates=(3,)),
+        Gicp(max_correspondence_distances=(3,)),
     ],
     ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp"],
 )
@@ -64,7 +64,7 @@ def test_what_is_left_out_has_its_default():
     assert settings_from_toml('type = "SgcNdt"') == SgcNdt()
     text = 'type = "SgcNdt"\nscore = "p2d"\nspacing = 1\n[schedule.solver]\ntype = "Bfgs"\n'
     found = settings_from_toml(text)
-    assert found == SgcNdt(score="p2d", spacing=1.0, schedule=CoarseToFine(solver=Bfgs()))
+    assert found == SgcNdt(score="p2d", voxel_size=1.0, schedule=CoarseToFine(solver=Bfgs()))
     assert isinstance(found.spacing, float)
 
 
@@ -86,7 +86,7 @@ def test_a_list_of_tables_is_all_there_is():
     found = settings_from_toml(
         'type = "SgcNdt"\n[[schedule.scales]]\nblur = 2\nlargest_radius = 3\nis_entry = true\n'
     )
-    assert found.schedule.scales == (Scale(blur=2.0, max_radius=3.0, is_entry=True),)
+    assert found.schedule.scales == (Scale(smoothing=2.0, max_radius=3.0, is_entry=True),)
 
 
 def test_none_is_written_where_the_default_is_something():
@@ -186,7 +186,7 @@ def test_files_are_named_in_errors(tmp_path):
 def test_files_saved_on_windows_are_read(tmp_path):
     path = tmp_path / "x.toml"
     path.write_bytes(b'\xef\xbb\xbftype = "SgcNdt"\r\nspacing = 0.25\r\n')
-    assert read_settings(path) == SgcNdt(spacing=0.25)
+    assert read_settings(path) == SgcNdt(voxel_size=0.25)
 
 
 @dataclass(frozen=True)
@@ -208,6 +208,8 @@ def test_settings_that_could_not_be_read_are_not_written(tmp_path):
 
 def test_a_changed_number_is_the_only_thing_that_changes():
     method = METHODS["sgc-ndt-p2d"]
-    lines = [settings_to_toml(one).splitlines() for one in (method, replace(method, spacing=0.25))]
+    lines = [
+        settings_to_toml(one).splitlines() for one in (method, replace(method, voxel_size=0.25))
+    ]
     changed = [pair for pair in zip(*lines, strict=True) if pair[0] != pair[1]]
     assert changed == [("spacing = 0.5", "spacing = 0.25")]

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from reference import jackknife as reference
 from reference.samples import street, yaw_pose
@@ -10,6 +9,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat, log_rotation
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
 from scanlock.optimisation.objectives.point_pairs import PointPairs, plane_precisions
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
@@ -20,7 +20,7 @@ from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.uncertainty.estimators import CovarianceEstimator
 
-_METHOD = NdtD2d(widths=(4.0, 2.0))
+_METHOD = NdtD2d(cell_sizes=(4.0, 2.0))
 _MOTION = yaw_pose(0.2, (0.8, -0.3, 0.1))
 
 
@@ -58,7 +58,7 @@ def _solved(objective: Objective, pose: Pose, constraints=UNCONSTRAINED):
 
 
 def _told(solution, factor=1.0, tilt=1.0, **settings):
-    found = CovarianceEstimator(tilt=tilt, **settings).of(solution, factor, _never)
+    found = CovarianceEstimator(tilt_inflation=tilt, **settings).estimate(solution, factor, _never)
     assert not isinstance(found, str), found
     return found
 
@@ -182,7 +182,7 @@ def test_a_registration_tells_how_sure_it_is(scans, way):
     result = register(*scans, initial=_MOTION, covariance=way)
     covariance = result.covariance
     assert covariance is not None
-    assert covariance.way == way
+    assert covariance.method == way
     assert np.linalg.eigvalsh(covariance.matrix)[0] > 0.0
     assert 1e-4 < covariance.deviations[:3].max() < 0.1
     assert "covariance" in result.timings
@@ -212,7 +212,7 @@ def test_starts_that_end_elsewhere_widen_it():
             solution.quadratic, StopReason.STEP_SMALL, (),
         )  # fmt: skip
 
-    found = CovarianceEstimator(way="sampled").of(solution, 1.0, elsewhere)
+    found = CovarianceEstimator(method="sampled").estimate(solution, 1.0, elsewhere)
     assert not isinstance(found, str)
     assert np.sqrt(found[0][0, 0]) == pytest.approx(2.0 / np.sqrt(6.0), rel=1e-3)
     assert np.sqrt(found[0][1, 1]) < 0.1
@@ -241,7 +241,7 @@ def test_where_nothing_meets_the_notes_say_so(scans):
 
 def test_too_few_places_are_said_to_be():
     objective, start = _planes(9)
-    found = CovarianceEstimator(least_units=2000).of(_solved(objective, start), 1.0, _never)
+    found = CovarianceEstimator(min_blocks=2000).estimate(_solved(objective, start), 1.0, _never)
     assert found == "fewer than 2000 separate places of the scene met"
 
 
@@ -256,7 +256,7 @@ def test_a_direction_that_nothing_holds_is_said_to_be_open():
         Pose.identity(), wall.linearise(Pose.identity()), StopReason.STEP_SMALL, (), (), wall
     )
     assert (
-        CovarianceEstimator().of(solution, 1.0, _never)
+        CovarianceEstimator().estimate(solution, 1.0, _never)
         == "the minimum is open along some direction"
     )
 
@@ -270,7 +270,7 @@ def test_an_objective_without_shares_tells_nothing():
 
     quadratic = _planes(1)[0].linearise(Pose.identity())
     solution = Solution(Pose.identity(), quadratic, StopReason.STEP_SMALL, (), (), Whole())
-    assert "shares" in str(CovarianceEstimator().of(solution, 1.0, _never))
+    assert "shares" in str(CovarianceEstimator().estimate(solution, 1.0, _never))
 
 
 @pytest.mark.parametrize(
@@ -317,8 +317,8 @@ def test_map_coordinates_speak_about_the_middle_of_the_source():
     )
     assert local.covariance is not None
     assert far.covariance is not None
-    assert not local.covariance.place.any()
-    assert np.linalg.norm(far.covariance.place - offset) < 60.0
+    assert not local.covariance.reference_point.any()
+    assert np.linalg.norm(far.covariance.reference_point - offset) < 60.0
     # The cubes lie elsewhere, so not to the last digit.
     ratio = np.diag(far.covariance.at(offset)) / np.diag(local.covariance.at(np.zeros(3)))
     assert np.all((ratio > 0.5) & (ratio < 2.0))

@@ -25,7 +25,7 @@ def _drawn(covariance, count=6_000):
     """True poses as the convention says: the place shifted, the rotation turned about it."""
     rng = np.random.default_rng(7)
     errors = rng.multivariate_normal(np.zeros(6), covariance.matrix, count)
-    pose, place = covariance.pose, covariance.place
+    pose, place = covariance.pose, covariance.reference_point
     for error in errors:
         rotation = exp_rotation(error[3:]) @ pose.rotation
         yield Pose(rotation, pose.apply(place) + error[:3] - rotation @ place)
@@ -91,7 +91,7 @@ def test_it_is_plain_in_a_dictionary_and_survives_pickling():
     again = pickle.loads(pickle.dumps(covariance))
     np.testing.assert_array_equal(again.matrix, covariance.matrix)
     np.testing.assert_array_equal(again.place, _PLACE)
-    assert (again.pose, again.way) == (covariance.pose, covariance.way)
+    assert (again.pose, again.way) == (covariance.pose, covariance.method)
     assert math.isnan(again.units)
 
 

@@ -18,7 +18,7 @@ _NARROW = LocalPlaneFitter(radii=(0.5,))
 
 
 def _probe(prober, cloud, query_points):
-    return prober.probe(prober.cell_list(cloud), query_points)
+    return prober.fit(prober.cell_list(cloud), query_points)
 
 
 _NORMAL = np.array([-0.5, 0.0, 1.0]) / np.hypot(0.5, 1.0)
@@ -61,14 +61,14 @@ def test_a_ball_of_points_is_not_flat():
 def test_probes_are_points_of_the_scan_spread_evenly_and_not_too_many():
     near = np.random.default_rng(0).uniform((2.5, 2.5, -0.5), (3.5, 3.5, 0.5), (5000, 3))
     cloud = PointCloud.from_array(np.vstack([near, _plane(), np.zeros((100, 3))]))
-    prober = LocalPlaneFitter(sample=10**6)
+    prober = LocalPlaneFitter(sample_size=10**6)
     query_points = prober.query_points(cloud)
     rows = {tuple(row) for row in cloud.points.tolist()}
     assert all(tuple(row) in rows for row in query_points.tolist())
-    cubes = np.floor(query_points / prober.spacing)
+    cubes = np.floor(query_points / prober.voxel_size)
     assert len(np.unique(cubes, axis=0)) == len(query_points)
     assert not (query_points == 0.0).all(axis=1).any()
-    assert len(LocalPlaneFitter(most=7).query_points(cloud)) == 7
+    assert len(LocalPlaneFitter(max_points=7).query_points(cloud)) == 7
 
 
 def test_a_scan_of_nothing_has_no_probes():
