@@ -1,6 +1,5 @@
-"""Settings of the whole suite: a compile cache keyed by the kernels, and the real scans."""
+"""Settings of the whole suite: one compile cache, and the real scans."""
 
-import hashlib
 import os
 import tempfile
 from pathlib import Path
@@ -8,21 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-_ROOT = Path(__file__).resolve().parent.parent
-
-
-def _kernel_digest() -> str:
-    digest = hashlib.sha256()
-    for path in sorted((_ROOT / "src" / "scanlock" / "kernels").rglob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-# Numba does not notice that a kernel called from another file has changed, so every state of
-# the kernels gets a cache of its own. Set before anything imports numba.
-os.environ.setdefault(
-    "NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / f"scanlock-kernels-{_kernel_digest()}")
-)
+# The cache is keyed by the source of the kernels, so that all checkouts can share it. Set before
+# anything imports numba.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(tempfile.gettempdir()) / "scanlock-kernels"))
 
 settings.register_profile(
     "scanlock",

@@ -94,3 +94,43 @@ def test_the_logarithm_turns_with_the_frame(vector, frame):
 @given(_poses())
 def test_a_pose_survives_its_matrix(pose):
     _assert_close(Pose.from_matrix(pose.matrix), pose)
+
+
+@given(_poses(), _poses(), arrays(np.float64, (4, 3), elements=st.floats(-100, 100)))
+def test_a_pose_acts_on_poses_and_points_alike(a, b, points):
+    np.testing.assert_allclose((a @ b) @ points, a @ (b @ points), atol=1e-9)
+
+
+@given(_poses())
+def test_numpy_takes_a_pose_for_its_matrix(pose):
+    np.testing.assert_array_equal(np.asarray(pose), pose.matrix)
+    np.testing.assert_allclose(np.linalg.inv(pose), pose.inverse().matrix, atol=1e-9)
+
+
+@given(_poses())
+def test_from_step_undoes_log(pose):
+    assert Pose.from_step(pose.log()).is_close(pose, translation=1e-9, rotation=1e-7)
+
+
+@given(_poses(), arrays(np.float64, 6, elements=st.floats(-1e-4, 1e-4)))
+def test_the_adjoint_carries_small_steps_from_source_to_target(pose, step):
+    before = pose @ Pose.from_step(step)
+    after = Pose.from_step(pose.adjoint() @ step) @ pose
+    assert before.is_close(after, translation=1e-5, rotation=1e-7)
+
+
+@given(_poses(), _poses())
+def test_a_perturbation_by_the_difference_leads_to_the_other_pose(a, b):
+    assert b.perturbed(a.difference(b)).is_close(a, translation=1e-9, rotation=1e-6)
+
+
+@given(_poses(), arrays(np.float64, 6, elements=st.floats(-2, 2)))
+def test_a_perturbation_turns_about_the_origin_of_the_source(pose, step):
+    moved = pose.perturbed(step) @ np.zeros(3)
+    np.testing.assert_allclose(moved, pose.translation + step[:3], atol=1e-12)
+
+
+@given(_poses(), _poses())
+def test_the_scaled_distance_joins_metres_and_radians(a, b):
+    metres, radians = a.distance(b)
+    assert a.scaled_distance(b, 20.0) == np.hypot(metres, 20.0 * radians)

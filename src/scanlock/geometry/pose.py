@@ -8,19 +8,28 @@ angles, lengths         radians and metres; degrees only at the command line and
 step vector             ``(rho, phi)``: translation first, as in the papers; SciPy has it the other
                         way round
 retraction              ``y -> exp(phi) y + rho`` for a point ``y`` already in the target frame;
-                        its Jacobian is ``[I, -hat(y)]``
+                        its Jacobian is ``[I, -hat(y)]``; `Pose.retract`
+perturbation            ``[R, t] -> [exp(phi) R, t + rho]``, a rotation about the origin of the
+                        source; of priors, covariances and refinement; `Pose.perturbed`
 ======================= ==========================================================================
 """
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scanlock.arrays import Matrix, Points, Vector, frozen
 from scanlock.errors import InvalidInput
-from scanlock.geometry.rotations import exp_rotation, nearest_rotation, rotation_angle
+from scanlock.geometry.rotations import (
+    exp_rotation,
+    hat,
+    log_rotation,
+    nearest_rotation,
+    rotation_angle,
+)
 
 _ROTATION_TOLERANCE = 1e-2
 """How far a given matrix may be from a rotation before it is refused rather than mended.
@@ -142,10 +151,23 @@ class Pose:
             raise InvalidInput(f"points must have shape (..., 3), got {points.shape}")
         return points @ self.rotation.T + self.translation
 
-    def __matmul__(self, other: "Pose") -> "Pose":
+    @overload
+    def __matmul__(self, other: "Pose") -> "Pose": ...
+    @overload
+    def __matmul__(self, other: NDArray[Any]) -> Points: ...
+    def __matmul__(self, other: "Pose | NDArray[Any]") -> "Pose | Points":
+        """Compose with a pose, or move (..., 3) points."""
+        if not isinstance(other, Pose):
+            return self.apply(other)
         return Pose._of_poses(
             self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
         )
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return the (4, 4) matrix, so that NumPy takes a pose where it takes an array."""
+        if copy is False:
+            raise ValueError("the matrix of a pose is always a copy")
+        return self.matrix.astype(dtype, copy=False)
 
     def inverse(self) -> "Pose":
         """Return the motion back."""
@@ -159,6 +181,38 @@ class Pose:
         # nearest one (Higham 1986) squares what rounding left.
         rotation = 1.5 * rotation - 0.5 * (rotation @ (rotation.T @ rotation))
         return Pose._of_poses(rotation, turn @ self.translation + step[:3])
+
+    def perturbed(self, step: Vector) -> "Pose":
+        """Return the pose with its origin shifted by ``rho`` and then turned about it by ``phi``.
+
+        Unlike `retract`, the rotation leaves the translation: ``[exp(phi) R, t + rho]``. Steps of
+        this kind are those of `PosePrior` and of covariances.
+        """
+        return Pose(exp_rotation(step[3:]) @ self.rotation, self.translation + step[:3])
+
+    def difference(self, other: "Pose") -> Vector:
+        """Return the (6,) step ``(rho, phi)`` [m, rad] with ``other.perturbed(step) == self``."""
+        turn = log_rotation(self.rotation @ other.rotation.T)
+        return np.concatenate([self.translation - other.translation, turn])
+
+    def log(self) -> Vector:
+        """Return the (6,) step ``(rho, phi)`` [m, rad] that `from_step` takes to this pose."""
+        return np.concatenate([self.translation, log_rotation(self.rotation)])
+
+    def adjoint(self) -> Matrix:
+        """Return the (6, 6) matrix that carries a step of the source's frame into the target's.
+
+        For small steps ``pose @ Pose.from_step(s) == Pose.from_step(adjoint @ s) @ pose``.
+        """
+        matrix = np.zeros((6, 6))
+        matrix[:3, :3] = matrix[3:, 3:] = self.rotation
+        matrix[:3, 3:] = hat(self.translation) @ self.rotation
+        return matrix
+
+    def scaled_distance(self, other: "Pose", rotation_scale: float) -> float:
+        """Return the distance to another pose [m], a rotation counted at `rotation_scale` [m]."""
+        metres, radians = self.distance(other)
+        return math.hypot(metres, rotation_scale * radians)
 
     def distance(self, other: "Pose") -> tuple[float, float]:
         """Return how far another pose is: translation [m] and rotation angle [rad]."""

@@ -105,19 +105,6 @@ def nearest_rotation(matrix: Matrix) -> Matrix:
     return u @ vt
 
 
-def from_paper_angles(phi: float, theta: float, psi: float) -> Matrix:
-    """Return ``R_phi R_theta R_psi`` of Das et al. 2013, section II: turns about x, y, z.
-
-    Angles in radians. Singular at ``theta = +-pi/2``, so nothing but the reproduction of the
-    paper's tables uses it.
-    """
-    return (
-        exp_rotation(np.array([phi, 0.0, 0.0]))
-        @ exp_rotation(np.array([0.0, theta, 0.0]))
-        @ exp_rotation(np.array([0.0, 0.0, psi]))
-    )
-
-
 def rotation_onto_z(direction: Vector) -> Matrix:
     """Return the smallest rotation that carries a unit vector onto the z axis.
 

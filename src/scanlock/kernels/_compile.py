@@ -1,17 +1,20 @@
-"""The three ways a kernel is compiled.
+"""Decorators that compile kernels, and the cache of their machine code.
 
 Compilation is lazy, so importing a kernel compiles nothing. `nogil` lets a thread pool drive
 serial kernels. Blanket fast-math is never on: it makes `isinf` and `isnan` answer False.
 
-Compiling takes seconds, once: the logger ``scanlock`` says so, at level INFO.
+Compiling takes seconds, once: the logger ``scanlock`` reports it, at level INFO.
 """
 
+import contextlib
 import logging
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import event as numba_event
+
+from scanlock.kernels._cache import KernelCache
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -55,11 +58,12 @@ def _compiled(function: _Function, fastmath: bool | set[str], inline: str = "nev
         "fastmath": fastmath,
         "inline": inline,
     }
-    try:
-        compiled = numba.njit(cache=True, **options)(function)
-    except RuntimeError:
-        # No writable place for the cache (read-only install and home): compile every time.
-        compiled = numba.njit(**options)(function)
+    compiled: Any = numba.njit(**options)(function)
+    if compiled is function:
+        return function  # NUMBA_DISABLE_JIT
+    # Without a writable place for the cache (read-only install and home), compile every time.
+    with contextlib.suppress(RuntimeError):
+        compiled._cache = KernelCache(function)
     _functions.add(function)
     # A dispatcher is called like the function it compiles, which is all that callers know of it.
     return cast(_Function, compiled)

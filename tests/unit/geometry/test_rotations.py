@@ -4,7 +4,6 @@ from scipy.spatial.transform import Rotation
 
 from scanlock.geometry.rotations import (
     exp_rotation,
-    from_paper_angles,
     hat,
     log_rotation,
     nearest_rotation,
@@ -95,8 +94,3 @@ def test_nearest_rotation_beats_every_rotation_around_it():
         best = np.linalg.norm(nearest - matrix)
         for step in rng.normal(scale=0.3, size=(200, 3)):
             assert np.linalg.norm(exp_rotation(step) @ nearest - matrix) >= best - 1e-12
-
-
-def test_paper_angles_turn_about_x_then_y_then_z_of_the_moving_frame():
-    expected = Rotation.from_euler("XYZ", [0.3, -0.7, 1.9]).as_matrix()
-    np.testing.assert_allclose(from_paper_angles(0.3, -0.7, 1.9), expected, atol=1e-15)

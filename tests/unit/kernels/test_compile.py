@@ -6,6 +6,7 @@ import numba
 import numpy as np
 import pytest
 
+from scanlock.kernels import _cache
 from scanlock.kernels._compile import NOTICE, kernel, sum_kernel
 
 
@@ -91,3 +92,31 @@ def test_a_kernel_works_where_no_cache_can_be_written():
         check=False,
     )
     assert (done.stdout, done.stderr) == ("[0]\n", "")
+
+
+def test_a_change_of_the_kernel_or_of_a_shared_file_changes_the_digest(tmp_path, monkeypatch):
+    monkeypatch.setattr(_cache, "__file__", str(tmp_path / "_cache.py"))
+    own, shared = tmp_path / "polar.py", tmp_path / "_inline.py"
+    found = set()
+    for own_text, shared_text in (("a", "b"), ("c", "b"), ("c", "d")):
+        own.write_text(own_text)
+        shared.write_text(shared_text)
+        found.add(_cache.digest_of.__wrapped__(str(own)))
+    assert len(found) == 3
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no cache without a compiler")
+def test_copies_of_a_kernel_in_two_folders_share_the_cache(monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    code = "from scanlock.kernels._compile import kernel\n@kernel\ndef f(a):\n    return 3 * a\n"
+    stats = []
+    for folder in ("one", "two"):
+        path = tmp_path / folder / "kernels" / "triple.py"
+        path.parent.mkdir(parents=True)
+        path.write_text(code)
+        scope = {"__name__": "triple"}
+        exec(compile(code, str(path), "exec"), scope)
+        assert scope["f"](2) == 6
+        stats.append(scope["f"].stats)
+    assert [bool(one.cache_hits) for one in stats] == [False, True]
+    assert stats[0].cache_path == stats[1].cache_path

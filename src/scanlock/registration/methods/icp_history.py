@@ -56,8 +56,8 @@ class IcpConvergenceCriteria:
                 and radians <= self.relative_change * angle
             ):
                 return StopReason.STEP_SMALL, (
-                    f"stopped because translation and rotation changed by {self.relative_change:g} of "
-                    "themselves at most"
+                    f"stopped because translation and rotation changed by at most "
+                    f"{self.relative_change:g} of themselves"
                 )
         if len(history) >= self.max_iterations:
             return StopReason.ITERATION_LIMIT, f"stopped after {self.max_iterations} iterations"
