@@ -72,7 +72,7 @@ class Input:
 
 def ours(name: str) -> Callable[[], Tool]:
     def run(source: Cloud, target: Cloud, start: Pose) -> Said:
-        result = register(source, target, method=METHODS[name], initial=start)
+        result = register(source=source, target=target, method=METHODS[name], initial=start)
         return result.target_from_source, result.ok
 
     return lambda: Tool(f"scanlock {name}", run)

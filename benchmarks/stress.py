@@ -53,7 +53,7 @@ def told(job: Job) -> bytes:
     """Return all numbers of a result as bytes."""
     method, seed = job
     target, source = pair(seed)
-    result = register(source, target, method=method)
+    result = register(source=source, target=target, method=method)
     numbers = np.array([*astuple(result.metrics), result.probability])
     return result.target_from_source.matrix.tobytes() + numbers.tobytes()
 
@@ -76,7 +76,7 @@ def growth(count: int) -> tuple[list[list[str]], float]:
     """Return the memory on the way, and the bytes that each registration leaves behind."""
     target, source = pair(0)
     for _ in range(max(20, count // 10)):
-        register(source, target)
+        register(source=source, target=target)
     done, used = [], []
     step = max(1, count // 10)
     for number in range(count + 1):
@@ -84,7 +84,7 @@ def growth(count: int) -> tuple[list[list[str]], float]:
             gc.collect()
             done.append(number)
             used.append(resident())
-        register(source, target)
+        register(source=source, target=target)
     slope = float(np.polyfit(done, used, 1)[0])
     rows = [[f"{n:,}", f"{r / _MiB:.1f} MiB"] for n, r in zip(done, used, strict=True)]
     return rows, slope

@@ -27,12 +27,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
+from scanlock.registration.methods.calibration import covariance_factor
 from scipy.stats import chi2
 
 from contenders import Cloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import log_rotation
-from scanlock.registration.methods.calibration import covariance_factor
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.protocol import Method
 from scanlock.registration.methods.transform_estimation import TransformEstimation
@@ -91,7 +91,7 @@ def tried(
     raw: bool,
 ) -> Error | None:
     """Return the error of one registration; None for a place lost or no covariance told."""
-    result = register(source, target, initial=start, covariance=way)
+    result = register(source=source, target=target, initial=start, covariance=way)
     pose = result.target_from_source
     error = np.concatenate(
         [truth.translation - pose.translation, log_rotation(truth.rotation @ pose.rotation.T)]

@@ -94,7 +94,7 @@ def cell(method: Method, pairs: list[RealPair]) -> tuple[str, float, float]:
     for pair in pairs:
         target, source = pair.load_target(), pair.load_source()
         begin = time.process_time()
-        result = register(source, target, method=method)
+        result = register(source=source, target=target, method=method)
         seconds += time.process_time() - begin
         evaluations += result.iterations
         found.append(pose_error(result.target_from_source, pair.truth))
@@ -117,7 +117,9 @@ def main() -> None:
     print(machine(), "\n")
 
     def row(name: str, method: Method) -> list[str]:
-        register(groups[0][0].load_source(), groups[0][0].load_target(), method=method)
+        register(
+            source=groups[0][0].load_source(), target=groups[0][0].load_target(), method=method
+        )
         cells = [cell(method, pairs) for pairs in groups]
         _, evaluations, seconds = cells[0]
         return [name, *(text for text, *_ in cells), f"{evaluations:.0f}", f"{1e3 * seconds:.0f}"]

@@ -65,7 +65,7 @@ def test_a_pose_called_right_is_right(method, name):
         # Who starts at a twin of the true pose and looks nowhere else cannot know.
         starts.append(yaw_pose(math.pi / 2, (4.0, 0.0, 0.0)) @ truth)
     for initial in starts:
-        found = register(source, target, method=method, initial=initial)
+        found = register(source=source, target=target, method=method, initial=initial)
         metres, radians = found.target_from_source.distance(truth)
         assert not found.ok or (metres < 0.3 and radians < math.radians(1.0))
 
@@ -73,7 +73,7 @@ def test_a_pose_called_right_is_right(method, name):
 @pytest.mark.parametrize("name", _OPEN)
 def test_what_cannot_be_told_is_degenerate_and_named(name):
     target, source, truth = _scans(name)
-    found = register(source, target, method="gicp", initial=truth)
+    found = register(source=source, target=target, method="gicp", initial=truth)
     assert found.status is Status.DEGENERATE
     world_from_target = yaw_pose(_YAW, (0.0, 0.0, 0.0)).rotation
     axes = {
@@ -88,8 +88,10 @@ def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
     target, source, truth = _scans("corridor")
     along = yaw_pose(-_YAW, (0.0, 0.0, 0.0)).rotation @ np.array([1.0, 0.0, 0.0])
     believed = yaw_pose(0.0, tuple(2.0 * along)) @ truth
-    free = register(source, target, method="gicp", initial=believed)
-    held = register(source, target, method="gicp", initial=believed, fix_degenerate=True)
+    free = register(source=source, target=target, method="gicp", initial=believed)
+    held = register(
+        source=source, target=target, method="gicp", initial=believed, fix_degenerate=True
+    )
     (weak,) = free.degenerate_directions
     gap = held.target_from_source.translation - believed.translation
     assert abs(weak.axis @ gap) < 1e-6

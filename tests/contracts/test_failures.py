@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from contracts.traits import METRES, TRAITS, gap, motion, source, target
+from reference.pairs import register_pair
 from reference.samples import street, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.registration.register import register
@@ -68,7 +69,7 @@ def _wall(seed):
 
 def test_scans_out_of_reach_return_the_initial_pose(method):
     initial = yaw_pose(0.3, (500.0, 20.0, 0.0))
-    found = register(source(method), target(), method=method, initial=initial)
+    found = register(source=source(method), target=target(), method=method, initial=initial)
     if TRAITS[method].searches:
         # What an initial pose says is no more than a guess.
         assert found.status is Status.OK
@@ -82,7 +83,7 @@ def test_scans_out_of_reach_return_the_initial_pose(method):
 
 
 def test_no_support_always_means_the_initial_pose(method):
-    found = register(*_unlike_heaps(), method=method)
+    found = register_pair(_unlike_heaps(), method=method)
     assert not found.ok
     is_untouched = found.status is Status.NO_CORRESPONDENCES
     assert (found.target_from_source == Pose.identity()) == is_untouched
@@ -94,7 +95,7 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
     featureless = _FEATURELESS[scan]
     if scan == "bare ground" and TRAITS[method].uses_ground:
         # It holds the height, roll and pitch, and nothing else.
-        both = register(featureless, _ground(1), method=method, initial=initial)
+        both = register(source=featureless, target=_ground(1), method=method, initial=initial)
         assert both.status is not Status.OK
         return
     for scene, reference, role in (
@@ -102,7 +103,7 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
         (source(method), featureless, "target"),
         (featureless, featureless, "target"),
     ):
-        found = register(scene, reference, method=method, initial=initial)
+        found = register(source=scene, target=reference, method=method, initial=initial)
         assert found.status is Status.NO_CORRESPONDENCES
         assert role in found.reason
         assert found.target_from_source == initial
@@ -115,7 +116,7 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
 @pytest.mark.parametrize("layout", range(4))
 def test_scans_of_other_places_are_not_trusted(method, layout):
     other = street(2, 4000, layout=100 + layout)
-    found = register(other, target(), method=method)
+    found = register(source=other, target=target(), method=method)
     assert found.status is not Status.OK
     assert found.status is not Status.DEGENERATE
     assert np.isfinite(found.target_from_source.matrix).all()
@@ -125,14 +126,14 @@ def test_scans_of_other_places_are_not_trusted(method, layout):
 def test_scenes_that_slide_along_themselves_are_not_trusted(method, scene):
     # The scans are alike wherever they were taken: along the scene no pose can be known, so
     # whatever is returned must not be called OK.
-    assert register(scene(1), scene(2), method=method).status is not Status.OK
+    assert register(source=scene(1), target=scene(2), method=method).status is not Status.OK
 
 
 @pytest.mark.parametrize("name", ["corridor", "wall"])
 def test_the_direction_along_which_a_scene_slides_is_named(method, name):
     scene = {"corridor": _corridor, "wall": _wall}[name]
     turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
-    found = register(turned, turned, method=method)
+    found = register(source=turned, target=turned, method=method)
     assert found.status is Status.DEGENERATE
     weak = [one for one in found.degenerate_directions if one.kind == "translation"]
     assert str(weak[0]) in found.reason
@@ -145,6 +146,6 @@ def test_the_direction_along_which_a_scene_slides_is_named(method, name):
 def test_poses_are_finite_however_a_registration_ends(method):
     scans = [*_FEATURELESS.values(), _line(1), _wall(1), *_unlike_heaps(), target()]
     for scan in scans:
-        found = register(scan, _unlike_heaps()[1], method=method)
+        found = register(source=scan, target=_unlike_heaps()[1], method=method)
         assert np.isfinite(found.target_from_source.matrix).all()
         assert json.loads(found.to_json())["status"] == found.status.value

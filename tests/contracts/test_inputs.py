@@ -18,14 +18,14 @@ pytestmark = pytest.mark.parametrize("method", METHODS)
 
 
 def test_two_calls_give_the_same_bits(method):
-    again = register(source(method), target(), method=method)
+    again = register(source=source(method), target=target(), method=method)
     assert again.target_from_source == result(method).target_from_source
     assert report(again) == report(result(method))
 
 
 def test_two_threads_at_once_give_the_same_bits(method):
     def call(_):
-        return register(source(method), target(), method=method)
+        return register(source=source(method), target=target(), method=method)
 
     with ThreadPoolExecutor(2) as pool:
         for found in pool.map(call, range(4)):
@@ -46,7 +46,7 @@ def test_inputs_are_untouched_and_still_writable(method):
 def test_read_only_inputs_are_taken_too(method):
     scene = source(method).copy()
     scene.setflags(write=False)
-    found = register(scene, PointCloud.from_array(target()), method=method)
+    found = register(source=scene, target=PointCloud.from_array(target()), method=method)
     assert found.target_from_source == result(method).target_from_source
 
 
@@ -76,13 +76,15 @@ def test_a_result_tells_how_it_came_about(method):
 
 def test_rows_that_are_not_finite_are_left_out_and_noted(method):
     spoilt = np.insert(source(method), [0, 700, 6000], [np.nan, np.inf, 0.0], axis=0)
-    found = register(spoilt, target(), method=method)
+    found = register(source=spoilt, target=target(), method=method)
     assert found.target_from_source == result(method).target_from_source
     assert "source: 3 rows with NaN or Inf left out" in found.notes
 
 
 def test_single_precision_costs_no_more_than_its_rounding(method):
-    found = register(source(method).astype(np.float32), target().astype(np.float32), method=method)
+    found = register(
+        source=source(method).astype(np.float32), target=target().astype(np.float32), method=method
+    )
     # Float32 rounds 35 m to 2 micrometres, and the means of parts by less; no point lies so
     # near the edge of its bin in this scene.
     assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 2e-5
@@ -100,6 +102,6 @@ def test_single_precision_costs_no_more_than_its_rounding(method):
 )
 def test_what_is_no_scan_is_refused_by_name(method, scan, message):
     with pytest.raises(InvalidInput, match=f"^source {message}"):
-        register(scan, target(), method=method)
+        register(source=scan, target=target(), method=method)
     with pytest.raises(InvalidInput, match=f"^target {message}"):
-        register(source(method), scan, method=method)
+        register(source=source(method), target=scan, method=method)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contracts.traits import METRES, RADIANS, TRAITS, motion, source, target
+from reference.pairs import register_pair
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
@@ -19,10 +20,10 @@ pytestmark = pytest.mark.parametrize("method", METHODS)
 def _assert_answer_is_local(method, shift, tolerance):
     """Register in map coordinates, and by hand about the origins that the clouds were given."""
     scene, reference = source(method) + shift, target() + shift
-    mapped = register(scene, reference, method=method)
+    mapped = register(source=scene, target=reference, method=method)
     clouds = [PointCloud.from_array(scan) for scan in (scene, reference)]
     between = Pose(np.eye(3), clouds[0].origin - clouds[1].origin)
-    local = register(*(cloud.points for cloud in clouds), method=method, initial=between)
+    local = register_pair((cloud.points for cloud in clouds), method=method, initial=between)
     assert local.status is mapped.status is Status.OK
     expected = local.target_from_source.apply(clouds[0].points) + clouds[1].origin
     gaps = np.linalg.norm(mapped.target_from_source.apply(scene) - expected, axis=1)
@@ -42,7 +43,7 @@ def test_map_coordinates_of_millions_give_the_local_answer(method):
 def test_any_tool_that_applies_the_matrix_in_double_precision_lands_where_scanlock_does(method):
     shift = np.array([500_000.0, 5_400_000.0, 100.0])
     scene = source(method) + shift
-    found = register(scene, target() + shift, method=method)
+    found = register(source=scene, target=target() + shift, method=method)
     landed = found.target_from_source.apply(scene)
     plain = json.loads(found.to_json())
     homogeneous = np.column_stack([scene, np.ones(len(scene))])
@@ -74,9 +75,9 @@ def test_an_initial_pose_is_where_the_search_begins(method):
     far = yaw_pose(2.6, (4.0, -3.0, 0.0))
     scene = far.inverse().apply(street(2))
     # Two and a half right angles are beyond the basin from the identity.
-    assert register(scene, target(), method=method).ok == TRAITS[method].searches
+    assert register(source=scene, target=target(), method=method).ok == TRAITS[method].searches
     for initial in (far.matrix, far, far.matrix[:3], far.matrix.tolist()):
-        found = register(scene, target(), method=method, initial=initial)
+        found = register(source=scene, target=target(), method=method, initial=initial)
         assert found.status is Status.OK
         assert any(
             step.pose.is_close(far, translation=1e-12, rotation=1e-12)
@@ -92,7 +93,7 @@ def test_an_initial_pose_in_map_coordinates_is_one_between_them(method):
     there = Pose(np.eye(3), np.array([503_000.0, 5_398_000.0, 120.0]))
     truth = here @ far @ there.inverse()
     scene = there.apply(far.inverse().apply(street(2)))
-    found = register(scene, here.apply(target()), method=method, initial=truth)
+    found = register(source=scene, target=here.apply(target()), method=method, initial=truth)
     assert found.status is Status.OK
     error = found.target_from_source.apply(scene) - truth.apply(scene)
     assert np.median(np.linalg.norm(error, axis=1)) < 2 * METRES

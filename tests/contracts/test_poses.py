@@ -22,7 +22,7 @@ def test_every_method_has_its_traits(method):
 
 
 def test_identical_scans_give_identity(method):
-    same = register(target(), target(), method=method)
+    same = register(source=target(), target=target(), method=method)
     assert same.status is Status.OK
     assert gap(same.target_from_source, Pose.identity(), target()) < TRAITS[method].identity_gap
     assert same.overlap == 1.0
@@ -34,7 +34,7 @@ def test_identical_scans_give_identity(method):
 def test_a_known_motion_is_recovered(method, index):
     motions = TRAITS[method].motions
     truth = motions[index % len(motions)]
-    found = register(truth.inverse().apply(street(2)), target(), method=method)
+    found = register(source=truth.inverse().apply(street(2)), target=target(), method=method)
     assert found.status is Status.OK
     assert found.target_from_source.is_close(truth, translation=METRES, rotation=RADIANS)
 
@@ -42,7 +42,7 @@ def test_a_known_motion_is_recovered(method, index):
 def test_a_motion_with_roll_and_pitch_is_recovered(method):
     scale = 1.0 if TRAITS[method].motions[0].translation[0] > 1.0 else 0.25
     truth = Pose.from_step(scale * np.array([1.0, -1.0, 0.3, 0.08, -0.05, 0.3]))
-    found = register(truth.inverse().apply(street(2)), target(), method=method)
+    found = register(source=truth.inverse().apply(street(2)), target=target(), method=method)
     assert found.status is Status.OK
     # Without ground, roll and pitch hang on the heights of parts alone.
     assert found.target_from_source.is_close(truth, translation=0.2, rotation=3 * RADIANS)
@@ -55,7 +55,9 @@ def test_moving_both_scans_moves_the_pose_with_them(method, angle, translation):
     # Polar bins and voxels stay with the axes while the scans move, so parts are cut elsewhere:
     # either pose is as right as the other, and they differ by no more than two right ones.
     common = yaw_pose(angle, translation)
-    moved = register(common.apply(source(method)), common.apply(target()), method=method)
+    moved = register(
+        source=common.apply(source(method)), target=common.apply(target()), method=method
+    )
     expected = common @ result(method).target_from_source @ common.inverse()
     assert moved.status is Status.OK
     assert moved.target_from_source.is_close(expected, translation=2 * METRES, rotation=2 * RADIANS)
@@ -67,14 +69,16 @@ def test_half_a_turn_of_both_scans_turns_the_pose_exactly(method):
     # Half a turn maps bins onto bins and voxels onto voxels, so only rounding is left, and the
     # solver's stopping step of a micrometre.
     common = yaw_pose(np.pi, (0.0, 0.0, 0.0))
-    moved = register(common.apply(source(method)), common.apply(target()), method=method)
+    moved = register(
+        source=common.apply(source(method)), target=common.apply(target()), method=method
+    )
     expected = common @ result(method).target_from_source @ common.inverse()
     away = gap(moved.target_from_source, expected, source(method))
     assert away < TRAITS[method].half_turn_gap
 
 
 def test_exchanging_the_scans_inverts_the_pose(method):
-    back = register(target(), source(method), method=method)
+    back = register(source=target(), target=source(method), method=method)
     assert back.status is Status.OK
     there_and_back = back.target_from_source @ result(method).target_from_source
     symmetric = TRAITS[method].is_symmetric
@@ -84,7 +88,9 @@ def test_exchanging_the_scans_inverts_the_pose(method):
 
 def test_the_order_of_points_does_not_matter(method):
     rng = np.random.default_rng(3)
-    shuffled = register(rng.permutation(source(method)), rng.permutation(target()), method=method)
+    shuffled = register(
+        source=rng.permutation(source(method)), target=rng.permutation(target()), method=method
+    )
     # Sums in another order round otherwise, and the solver stops within a micrometre.
     assert shuffled.status is Status.OK
     away = gap(shuffled.target_from_source, result(method).target_from_source, source(method))
@@ -95,7 +101,7 @@ def test_the_order_of_points_does_not_matter(method):
 def test_a_point_far_away_changes_nothing(method, far):
     is_local = TRAITS[method].is_local
     reference = np.vstack([far, target()]) if is_local else target()
-    found = register(np.vstack([source(method), far]), reference, method=method)
+    found = register(source=np.vstack([source(method), far]), target=reference, method=method)
     assert found.status is Status.OK
     # One more point divides a mean by one more, so the last step may differ; where all pairs
     # set the gate, a far one moves it.
@@ -106,7 +112,9 @@ def test_a_point_far_away_changes_nothing(method, far):
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
 def test_locked_directions_stay_as_in_the_initial_pose(method, dof):
     initial = Pose.from_step(np.array([0.0, 0.0, 0.02, 0.005, -0.003, 0.0]))
-    found = register(source(method), target(), method=method, initial=initial, dof=dof)
+    found = register(
+        source=source(method), target=target(), method=method, initial=initial, dof=dof
+    )
     pose = found.target_from_source
     turned = log_rotation(pose.rotation @ initial.rotation.T)
     np.testing.assert_allclose(turned[:2], 0.0, atol=1e-9)
@@ -123,7 +131,9 @@ def test_a_prior_pulls_as_hard_as_it_is_sure(method):
     gaps = []
     for deviation in (1e-5, 1e5):
         prior = PosePrior.from_deviations(believed, deviation, deviation)
-        found = register(source(method), target(), method=method, initial=believed, prior=prior)
+        found = register(
+            source=source(method), target=target(), method=method, initial=believed, prior=prior
+        )
         gaps.append(found.target_from_source.distance(believed)[0])
     assert gaps[0] < 0.01
     assert gaps[1] > 0.1

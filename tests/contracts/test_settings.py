@@ -30,9 +30,9 @@ def test_settings_compare_by_value_and_cannot_be_changed(method):
     for field in fields(settings):
         with pytest.raises(FrozenInstanceError):
             setattr(settings, field.name, None)
-    assert register(source(method), target(), method=replace(settings)).target_from_source == (
-        result(method).target_from_source
-    )
+    assert register(
+        source=source(method), target=target(), method=replace(settings)
+    ).target_from_source == (result(method).target_from_source)
 
 
 def test_a_scan_prepared_once_serves_as_target_and_as_source(method):
@@ -56,7 +56,7 @@ def test_a_scan_prepared_once_serves_as_target_and_as_source(method):
 def test_an_unknown_method_is_refused_with_the_names(method):
     assert DEFAULT_METHOD in METHODS
     with pytest.raises(InvalidInput, match=f"{method}.*, got 'icp-of-old'"):
-        register(source(method), target(), method="icp-of-old")
+        register(source=source(method), target=target(), method="icp-of-old")
 
 
 _EVERY_LAYOUT = """

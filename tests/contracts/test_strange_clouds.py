@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contracts.traits import gap, result, source, target
+from reference.pairs import register_pair
 from scanlock.errors import InvalidInput
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
@@ -45,25 +46,25 @@ _POOR = {
 def test_too_poor_a_cloud_is_never_ok(method, name):
     make = _POOR[name]
     for scans in ((make(source(method)), make(target())), (make(source(method)), target())):
-        found = register(*scans, method=method)
+        found = register_pair(scans, method=method)
         assert not found.ok
         assert found.reason
         assert np.isfinite(found.target_from_source.matrix).all()
 
 
 def test_a_unit_that_cannot_be_metres_is_named(method):
-    found = register(1e3 * source(method), target(), method=method)
+    found = register(source=1e3 * source(method), target=target(), method=method)
     assert any("source" in note and "multiply by 0.001" in note for note in found.notes)
-    found = register(source(method), 1e-3 * target(), method=method)
+    found = register(source=source(method), target=1e-3 * target(), method=method)
     assert any("target" in note and "must be metres" in note for note in found.notes)
     assert not any("metres" in note for note in result(method).notes)
 
 
 def test_a_mirrored_scan_is_never_ok(method):
     mirror = np.array([1.0, -1.0, 1.0])
-    assert not register(source(method) * mirror, target(), method=method).ok
+    assert not register(source=source(method) * mirror, target=target(), method=method).ok
     # Both mirrored is a left-handed frame, and a rigid motion all the same.
-    both = register(source(method) * mirror, target() * mirror, method=method)
+    both = register(source=source(method) * mirror, target=target() * mirror, method=method)
     assert both.ok
     rotation = both.target_from_source.rotation
     expected = result(method).target_from_source.rotation
@@ -74,13 +75,13 @@ def test_a_mirrored_scan_is_never_ok(method):
 @pytest.mark.parametrize("far", [1e6, 1e11])
 def test_a_point_of_garbage_costs_nothing_and_no_memory(method, far):
     spoilt = np.vstack([source(method), [[far, -far, far]]])
-    found = register(spoilt, target(), method=method)
+    found = register(source=spoilt, target=target(), method=method)
     assert found.ok
     assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.02
 
 
 def test_points_told_many_times_are_weighed_and_found_right(method):
-    found = register(np.repeat(source(method), 3, axis=0), target(), method=method)
+    found = register(source=np.repeat(source(method), 3, axis=0), target=target(), method=method)
     assert found.ok
     assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.1
 
@@ -101,7 +102,7 @@ _LAYOUTS = {
 @pytest.mark.parametrize("name", _LAYOUTS)
 def test_how_numbers_lie_in_memory_changes_no_bit(method, name):
     made = _LAYOUTS[name]
-    found = register(made(source(method)), made(target()), method=method)
+    found = register(source=made(source(method)), target=made(target()), method=method)
     assert found.target_from_source == result(method).target_from_source
     assert found.probability == result(method).probability
 
@@ -109,7 +110,7 @@ def test_how_numbers_lie_in_memory_changes_no_bit(method, name):
 def test_whole_numbers_are_taken_as_what_they_are(method):
     whole = [np.round(scan).astype(np.int16) for scan in (source(method), target())]
     as_floats = [scan.astype(np.float64) for scan in whole]
-    found, expected = register(*whole, method=method), register(*as_floats, method=method)
+    found, expected = register_pair(whole, method=method), register_pair(as_floats, method=method)
     assert found.target_from_source == expected.target_from_source
 
 
@@ -127,4 +128,4 @@ def test_whole_numbers_are_taken_as_what_they_are(method):
 )
 def test_what_is_no_cloud_is_refused_with_the_remedy(method, scan, message):
     with pytest.raises(InvalidInput, match=f"source.*{message}"):
-        register(scan, target(), method=method)
+        register(source=scan, target=target(), method=method)

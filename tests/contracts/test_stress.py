@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from contracts.traits import source, target
+from reference.pairs import register_pair
 from reference.samples import street
 from scanlock.registration.register import register
 
@@ -18,7 +19,7 @@ _METHODS = ("auto", "sgc-ndt-d2d", "gicp", "icp", "ndt")
 
 
 def _told(method):
-    found = register(source(method), target(), method=method)
+    found = register(source=source(method), target=target(), method=method)
     numbers = np.array([*astuple(found.metrics), found.probability])
     return found.target_from_source.matrix.tobytes() + numbers.tobytes()
 
@@ -50,7 +51,7 @@ def test_memory_is_flat_over_hundreds_of_registrations():
 
     def used_after(count):
         for _ in range(count):
-            register(*scans)
+            register_pair(scans)
         gc.collect()
         return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
 

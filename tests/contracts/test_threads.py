@@ -14,7 +14,7 @@ pytestmark = pytest.mark.parametrize("method", METHODS)
 
 
 def _bytes(method, threads=1):
-    found = register(source(method), target(), method=method, threads=threads)
+    found = register(source=source(method), target=target(), method=method, threads=threads)
     numbers = [found.overlap, found.score, *(step.value for step in found.history)]
     return found.target_from_source.matrix.tobytes() + np.array(numbers).tobytes()
 

@@ -114,7 +114,7 @@ def source(method):
 
 @cache
 def result(method):
-    return register(source(method), target(), method=method)
+    return register(source=source(method), target=target(), method=method)
 
 
 def gap(pose, expected, cloud):

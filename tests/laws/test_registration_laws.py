@@ -38,7 +38,7 @@ def _motions(draw, metres, radians):
 def test_a_motion_within_the_basin_is_recovered_and_trusted(method, motion):
     # Half the basin that the widest blur promises. Bounds as in the contracts, doubled in
     # rotation: roll and pitch hang on the heights of parts alone.
-    result = register(motion.inverse().apply(_street(2)), _street(1), method=method)
+    result = register(source=motion.inverse().apply(_street(2)), target=_street(1), method=method)
     assert result.status is Status.OK
     assert result.target_from_source.is_close(motion, translation=0.2, rotation=0.02)
 
@@ -46,7 +46,7 @@ def test_a_motion_within_the_basin_is_recovered_and_trusted(method, motion):
 @given(method=_METHODS, motion=_motions(15.0, 3.1))
 @settings(max_examples=15)
 def test_a_wrong_pose_is_never_trusted(method, motion):
-    result = register(motion.inverse().apply(_street(2)), _street(1), method=method)
+    result = register(source=motion.inverse().apply(_street(2)), target=_street(1), method=method)
     assert np.isfinite(result.target_from_source.matrix).all()
     right = result.target_from_source.is_close(motion, translation=0.5, rotation=0.03)
     assert right or not result.ok
@@ -57,8 +57,10 @@ def test_a_wrong_pose_is_never_trusted(method, motion):
 def test_neither_order_nor_repetition_of_rows_matters(method, motion, seed):
     rng = np.random.default_rng(seed)
     source = motion.inverse().apply(_street(2))
-    once = register(source, _street(1), method=method)
-    again = register(rng.permutation(source), rng.permutation(_street(1)), method=method)
+    once = register(source=source, target=_street(1), method=method)
+    again = register(
+        source=rng.permutation(source), target=rng.permutation(_street(1)), method=method
+    )
     gaps = once.target_from_source.apply(source) - again.target_from_source.apply(source)
     assert np.abs(gaps).max() < 1e-5
     assert once.status is again.status

@@ -23,7 +23,7 @@ def _floats(path, columns):
 
 
 def _assert_registers(target, source, truth, method, *, metres, degrees):
-    result = scanlock.register(source, target, method=method)
+    result = scanlock.register(source=source, target=target, method=method)
     off, turned = result.target_from_source.distance(truth)
     assert result.ok, result.reason
     assert off < metres

@@ -33,7 +33,7 @@ def test_no_start_is_needed_whatever_the_heading():
     motion = yaw_pose(2.6, (14.0, -3.0, 0.0))
     reference, scene = street(1), motion.inverse().apply(street(2))
 
-    found = scanlock.register(scene, reference)
+    found = scanlock.register(source=scene, target=reference)
     assert found.ok, found.reason
     assert found.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
     # And it says how it knows: one pose was found, and none that comes near it.
@@ -41,7 +41,9 @@ def test_no_start_is_needed_whatever_the_heading():
     assert found.runner_up_ratio < 0.5
 
     # A start that is wrong by anything does no harm.
-    misled = scanlock.register(scene, reference, initial=yaw_pose(-1.0, (-20.0, 9.0, 0.0)))
+    misled = scanlock.register(
+        source=scene, target=reference, initial=yaw_pose(-1.0, (-20.0, 9.0, 0.0))
+    )
     assert misled.ok, misled.reason
     assert misled.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
 
@@ -50,14 +52,14 @@ def test_a_failure_says_why_and_a_better_start_mends_it():
     motion = yaw_pose(2.6, (4.0, -3.0, 0.0))
     reference, scene = street(1), motion.inverse().apply(street(2))
 
-    lost = scanlock.register(scene, reference, method="sgc-ndt-d2d")
+    lost = scanlock.register(source=scene, target=reference, method="sgc-ndt-d2d")
     assert not lost.ok
     assert lost.status is scanlock.Status.LOW_OVERLAP
     assert "pose is likely wrong" in lost.reason
 
     # A compass that is 20 degrees off, and a position that is 2 m off, are enough.
     guess = yaw_pose(2.6 + math.radians(20.0), (5.0, -4.5, 0.0))
-    found = scanlock.register(scene, reference, initial=guess, method="sgc-ndt-d2d")
+    found = scanlock.register(source=scene, target=reference, initial=guess, method="sgc-ndt-d2d")
     assert found.ok, found.reason
     assert found.target_from_source.is_close(motion, translation=0.1, rotation=math.radians(0.3))
 

@@ -105,10 +105,10 @@ def history_content(result: "RegistrationResult") -> list[dict[str, Any]]:
 def _motion(result: "RegistrationResult") -> Facts:
     from scanlock.geometry.rotations import log_rotation
 
-    pose, place = result.target_from_source, result.frames.place
-    shift = result.frames.shift(pose, place)
+    pose, place = result.target_from_source, result.origins.place
+    shift = result.origins.shift(pose, place)
     turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
-    about = f" at the centroid, {_triple(place, 0)} m" if result.frames.is_on_map else ""
+    about = f" at the centroid, {_triple(place, 0)} m" if result.origins.is_on_map else ""
     return [
         ("moved", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
         ("turned", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
@@ -133,7 +133,7 @@ def _choice(result: "RegistrationResult") -> str:
 
 def _pose(result: "RegistrationResult") -> Facts:
     said = "rotation and translation [m], reference from scene"
-    frames = result.frames
+    frames = result.origins
     if not (frames.is_on_map or frames.target_origin.any()):
         return [("pose", f"{said}\n{_matrix(result.target_from_source)}")]
     # At the coordinates of a map the seventh digit of a rotation is metres.

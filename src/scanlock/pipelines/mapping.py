@@ -84,7 +84,7 @@ def mapped_scans(
         if before is None:
             found = None
         else:
-            found = register(ready, before, initial=motion, dof=dof)
+            found = register(source=ready, target=before, initial=motion, dof=dof)
             pose = pose @ found.target_from_source
             is_kept = guess == "velocity" and found.ok
             motion = found.target_from_source if is_kept else Pose.identity()

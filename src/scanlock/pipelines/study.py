@@ -193,7 +193,7 @@ class _Bench:
             target, source = (self._ready(name, task) for name in (pair.target, pair.source))
             centre = source.cloud.origin
             start = self._study.starts.pose(task.start, pair.name, pair.truth, centre)
-            result = register(source, target, method=target.method, initial=start)
+            result = register(source=source, target=target, method=target.method, initial=start)
         except ScanlockError as error:
             return StudyRecord(task=task, status=FAILED, reason=str(error), start=None, pose=None)
         preparing = sum(sum(scan.timings.values()) for scan in (target, source))

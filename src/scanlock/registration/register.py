@@ -1,8 +1,8 @@
-"""The front door: two scans in, one pose out."""
+"""Registration of two scans: check, prepare, align, verify."""
 
+import math
 import time
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,16 +13,16 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
 from scanlock.optimisation.objectives.constraints import Constraints, DegreesOfFreedom, PosePrior
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.local_origins import LocalOrigins
-from scanlock.registration.methods.calibration import covariance_factor
-from scanlock.registration.methods.protocol import Method, Search, SearchResult
-from scanlock.registration.prepare import PreparedScan, named_method, prepare
-from scanlock.registration.registry import DEFAULT_METHOD
+from scanlock.registration.methods.protocol import Method
+from scanlock.registration.prepare import PreparedScan, prepare
+from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.estimators import CovarianceEstimator
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
-from scanlock.registration.verification.assessment import assess_pose
+from scanlock.registration.verification.assessment import Assessment, assess_pose
 from scanlock.registration.verification.decision import decide
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
@@ -30,169 +30,239 @@ from scanlock.registration.verification.status import Status
 from scanlock.threads import spread, using_threads
 from scanlock.timing import StageClock
 
-_MENDED = 1e-6
-"""Changes of an initial rotation that are worth a word: more than rounding to single precision."""
+Scan = ArrayLike | PointCloud | PreparedScan
+
+_ROUNDING = 1e-6
+"""Correction of an initial rotation from which a note is made: above single-precision rounding."""
 
 
 @plain_interrupts()
 def register(
-    source: ArrayLike | PointCloud | PreparedScan,
-    target: ArrayLike | PointCloud | PreparedScan,
     *,
+    source: Scan,
+    target: Scan,
     method: str | Method[Any] | None = None,
     initial: ArrayLike | Pose | None = None,
     dof: DegreesOfFreedom = "xyz+rpy",
     prior: PosePrior | None = None,
     fix_degenerate: bool = False,
     covariance: CovarianceMethod | CovarianceEstimator | None = None,
+    verify: bool = True,
     threads: int = 1,
 ) -> RegistrationResult:
-    """Return the pose that carries the source scan onto the target scan.
+    """Estimate the pose that maps the source scan onto the target scan.
 
     Parameters
     ----------
     source, target : (n, 3+) array, PointCloud or PreparedScan [m]
         Two scans, each in its sensor's frame with z roughly upwards, or both in one map frame;
-        float32 or float64. Columns past the third are ignored, rows with NaN or Inf left out.
-        The target stays, the source moves (the papers' reference and scene). A scan from
-        `prepare` is not prepared again.
+        float32 or float64. Columns past the third are ignored, rows with NaN or Inf left out. A
+        scan from `prepare` is not prepared again.
     method : str or Method, optional
-        A key of `METHODS`, or a method with settings of your own such as ``SgcNdt(...)``. By
-        default the one that prepared the scans, or else `DEFAULT_METHOD`.
+        A key of `METHODS`, or settings such as ``SgcNdt(...)``. By default the method that
+        prepared the scans, or else `DEFAULT_METHOD`.
     initial : (4, 4) array or Pose, optional
-        Where to start, target from source. The default method needs none: it searches all
-        headings and places, and an initial pose is one more hypothesis. Other methods start from
-        the identity without one.
+        The initial pose, target from source. The default method needs none: it searches all
+        headings and positions, and an initial pose is one more hypothesis. Other methods start
+        from the identity by default.
     dof : str
-        What may change of the initial pose, along and about the target's axes: ``"xyz+rpy"``
-        everything, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for a flat world.
+        Degrees of freedom that may differ from the initial pose, along and about the target's
+        axes: ``"xyz+rpy"`` all, ``"xyz+yaw"`` for levelled scanners, ``"xy+yaw"`` for planar
+        motion.
     prior : PosePrior, optional
-        A Gaussian belief about the pose, weighed against the scans as one more observation.
-    hold_weak : bool
-        Whether directions that the scans leave open stay as in the prior, or else as in the
-        initial pose; one of the two must be given. The status is still ``degenerate``.
-    covariance : str or Uncertainty, optional
-        How ``result.covariance`` is found: ``"sandwich"`` by the scatter among independent parts of
-        the scene, for a few milliseconds; ``"hessian"`` by the curvature at the minimum alone,
-        overconfident; ``"sampled"`` by twelve registrations more, from starts around the pose; or
-        settings of your own. None leaves it out.
+        A Gaussian prior of the pose, weighted against the scans as one more observation.
+    fix_degenerate : bool
+        Whether degenerate directions keep the value of the prior, or else of the initial pose;
+        one of the two must be given. The status is still ``degenerate``.
+    covariance : str or CovarianceEstimator, optional
+        How to estimate ``result.covariance``: ``"sandwich"`` from the scatter between blocks of
+        the scene (a few milliseconds), ``"hessian"`` from the curvature at the minimum alone
+        (overconfident), ``"sampled"`` from twelve more registrations. None leaves it out.
+    verify : bool
+        Whether to verify the pose. Without verification the status is ``unverified``.
     threads : int
-        How many threads may share the work; the result is the same to the last bit. Calls from
-        threads or processes of your own need no more than one each.
+        Maximum number of threads. The result does not depend on it, to the last bit.
 
     Returns
     -------
-    Registration
-        ``target_from_source`` with a status; look at ``result.ok`` before using the pose.
+    RegistrationResult
+        ``target_from_source`` with a status. Check ``result.ok`` before using the pose.
 
     Raises
     ------
     InvalidInput
         A scan of the wrong shape or type or without a finite point, an unknown method, a scan
-        prepared by another method, an initial pose that is no rigid motion, or weak directions to
-        be held without a pose to hold them at.
+        prepared by another method, an initial pose that is not a rigid motion, or
+        ``fix_degenerate`` without a prior or an initial pose.
     """
     begin = time.perf_counter()
     name, chosen = _method(method, source, target)
-    start, mended = _start(initial)
-    Constraints(dof=dof)
-    if fix_degenerate and prior is None and initial is None:
-        raise InvalidInput(
-            "hold_weak needs a pose to hold weak directions at: give prior or initial"
-        )
-    uncertainty = (
+    start, notes = _initial_pose(initial)
+    if fix_degenerate and prior is None and start is None:
+        raise InvalidInput("fix_degenerate needs the pose to keep: give prior or initial")
+    Constraints(dof=dof)  # raises for an unknown value before any work
+    estimator = (
         CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance
     )
     with using_threads(threads):
-        prepared = spread(
-            lambda side: _ready(*side, chosen), ((target, "target"), (source, "source"))
+        call = _Call(name, chosen, source, target, start, Constraints(dof=dof, prior=prior), verify)
+        call.notes += notes
+        if reason := call.insufficient:
+            return call.failed(reason, time.perf_counter() - begin)
+        solution = call.align()
+        assessment = call.assess(solution) if verify else None
+        if fix_degenerate and assessment is not None and assessment.degenerate:
+            solution, assessment = call.fix_degenerate(solution, assessment)
+        found = None if estimator is None else call.covariance(solution, estimator)
+    return call.result(solution, assessment, found, time.perf_counter() - begin)
+
+
+class _Call:
+    """One call of `register`: two prepared scans, and the way between their frames."""
+
+    def __init__(
+        self,
+        name: str,
+        method: Method[Any],
+        source: Scan,
+        target: Scan,
+        initial: Pose | None,
+        constraints: Constraints,
+        verify: bool,
+    ) -> None:
+        self.name, self.method, self.initial = name, method, initial
+        self.target, self.source = spread(
+            lambda scan: _prepared(*scan, method, verify), ((target, "target"), (source, "source"))
         )
-    clock = StageClock()
-    for scan, side in zip((target, source), prepared, strict=True):
-        if not isinstance(scan, PreparedScan):
-            for stage, seconds in side.timings.items():
-                clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
-    notes = [
-        f"{role}: {note}"
-        for role, side in zip(("target", "source"), prepared, strict=True)
-        for note in side.notes
-    ] + mended
-    clouds = prepared[0].cloud, prepared[1].cloud
-    frames = LocalOrigins.of_clouds(*clouds)
-    shortages = [side.insufficient for side in prepared]
-    features = [side.features for side in prepared]
-    if any(shortages) or features[0] is None or features[1] is None:
-        role = "target" if shortages[0] else "source"
-        reason = f"the {role} {shortages[0] or shortages[1]}"
-        clock.seconds["total"] = time.perf_counter() - begin
-        return RegistrationResult(
-            start, Status.NO_CORRESPONDENCES, reason, name, Metrics(), 0.0, (), (), clock.seconds,
-            tuple(notes), frames=frames,
-        )  # fmt: skip
+        self.clock = StageClock()
+        for given, scan in ((target, self.target), (source, self.source)):
+            if not isinstance(given, PreparedScan):
+                for stage, seconds in scan.timings.items():
+                    self.clock.seconds[stage] = self.clock.seconds.get(stage, 0.0) + seconds
+        self.notes = [
+            f"{role}: {note}"
+            for role, scan in (("target", self.target), ("source", self.source))
+            for note in scan.notes
+        ]
+        self.origins = LocalOrigins.of_clouds(self.target.cloud, self.source.cloud)
+        prior = constraints.prior
+        if prior is not None:
+            prior = PosePrior(self.origins.local(prior.pose), prior.covariance)
+        self.constraints = replace(constraints, prior=prior)
 
-    with clock.stage("align"):
-        constraints = Constraints(dof=dof, prior=_local_prior(prior, frames))
-        kept, begins = (prepared[0].data, prepared[1].data), frames.local(start)
-        # Coordinates of a map say where the scans lie, as an initial pose does.
-        is_placed = initial is not None or any(cloud.origin.any() for cloud in clouds)
-        with using_threads(threads):
-            if isinstance(chosen, Search):
-                found = chosen.find(*kept, begins if is_placed else None, constraints)
-            else:
-                found = SearchResult(chosen.align(*kept, begins, constraints), ())
-        solution = found.solution
-    with clock.stage("verdict"):
-        both_features = features[0], features[1]
-        assessment = assess_pose(*both_features, solution.pose, found.candidates, found.rival)
-        if fix_degenerate and assessment.degenerate:
-            believed = constraints.prior
-            at = "initial pose" if believed is None else "prior"
-            notes += [f"{one.name} held at the {at}" for one in assessment.degenerate]
-            fixed_at = begins if believed is None else believed.pose
-            solution = replace(solution, pose=assessment.fix_degenerate(solution.pose, fixed_at))
-            assessment = assess_pose(*both_features, solution.pose)
-        probability_right = probability(assessment.metrics, assessment.directions)
-        status, reason = decide(solution, assessment, probability_right)
-    pose_covariance = None
-    if uncertainty is not None:
-        with clock.stage("covariance"), using_threads(threads):
-            align = partial(_aligned, chosen, kept, constraints)
-            covariance_told = uncertainty.estimate(solution, covariance_factor(chosen), align)
-        if isinstance(covariance_told, str):
-            notes.append(f"no covariance: {covariance_told}")
-        else:
-            pose, place = frames.caller(solution.pose), frames.source_origin
-            pose_covariance = PoseCovariance(
-                covariance_told[0], pose, place, uncertainty.method, covariance_told[1]
+    @property
+    def insufficient(self) -> str:
+        """Why the scans cannot be registered; empty if they can."""
+        for role, scan in (("target", self.target), ("source", self.source)):
+            if scan.insufficient:
+                return f"the {role} {scan.insufficient}"
+        return ""
+
+    @property
+    def start(self) -> Pose:
+        """The initial pose between the local frames."""
+        return self.origins.local(self.initial or Pose.identity())
+
+    def align(self) -> Solution:
+        """Run the method."""
+        # Map coordinates say where the scans lie, as an initial pose does.
+        is_on_map = bool(self.target.cloud.origin.any() or self.source.cloud.origin.any())
+        start = self.start if self.initial is not None or is_on_map else None
+        with self.clock.stage("align"):
+            return self._aligned(start)
+
+    def _aligned(self, start: Pose | None) -> Solution:
+        return self.method.align(self.target.data, self.source.data, start, self.constraints)
+
+    def assess(self, solution: Solution) -> Assessment:
+        """Assess the pose of a solution by both scans."""
+        target, source = self.target.features, self.source.features
+        assert target is not None
+        assert source is not None
+        with self.clock.stage("verification"):
+            return assess_pose(
+                target, source, solution.pose, solution.candidates, solution.runner_up_ratio
             )
-    clock.seconds["total"] = time.perf_counter() - begin
-    return RegistrationResult(
-        frames.caller(solution.pose), status, reason, name, assessment.metrics, probability_right,
-        assessment.directions, solution.history, clock.seconds, (*notes, *solution.notes),
-        tuple(one.at(frames.caller(one.target_from_source)) for one in found.candidates),
-        pose_covariance,
-        frames,
-    )  # fmt: skip
 
+    def fix_degenerate(
+        self, solution: Solution, assessment: Assessment
+    ) -> tuple[Solution, Assessment]:
+        """Replace degenerate directions by those of the prior or the initial pose."""
+        prior = self.constraints.prior
+        at = "initial pose" if prior is None else "prior"
+        self.notes += [f"{one.name} fixed at the {at}" for one in assessment.degenerate]
+        known = self.start if prior is None else prior.pose
+        fixed = replace(solution, pose=assessment.fix_degenerate(solution.pose, known))
+        # The candidates were scored at other poses.
+        return fixed, self.assess(replace(fixed, candidates=(), runner_up_ratio=math.nan))
 
-def _aligned(
-    method: Method[Any], kept: tuple[Any, Any], constraints: Constraints, start: Pose
-) -> Solution:
-    return method.align(*kept, start, constraints)
+    def covariance(
+        self, solution: Solution, estimator: CovarianceEstimator
+    ) -> PoseCovariance | None:
+        """Estimate the covariance of the pose, or note why there is none."""
+        with self.clock.stage("covariance"):
+            found = estimator.estimate(solution, self.method.covariance_factor, self._aligned)
+        if isinstance(found, str):
+            self.notes.append(f"no covariance: {found}")
+            return None
+        pose, point = self.origins.caller(solution.pose), self.origins.source_origin
+        return PoseCovariance(found[0], pose, point, estimator.method, found[1])
+
+    def result(
+        self,
+        solution: Solution,
+        assessment: Assessment | None,
+        covariance: PoseCovariance | None,
+        seconds: float,
+    ) -> RegistrationResult:
+        """Return the result in the caller's frames."""
+        if assessment is None:
+            right = math.nan
+            status, reason = _unverified(solution.reason)
+        else:
+            right = probability(assessment.metrics, assessment.directions)
+            status, reason = decide(solution, assessment, right)
+        caller = self.origins.caller
+        return RegistrationResult(
+            target_from_source=caller(solution.pose),
+            status=status,
+            reason=reason,
+            method=self.name,
+            metrics=Metrics() if assessment is None else assessment.metrics,
+            probability=right,
+            directions=() if assessment is None else assessment.directions,
+            converged=solution.reason.is_converged,
+            hessian=solution.quadratic.hessian,
+            history=solution.history,
+            timings={**self.clock.seconds, "total": seconds},
+            notes=(*self.notes, *solution.notes),
+            candidates=tuple(one.at(caller(one.target_from_source)) for one in solution.candidates),
+            covariance=covariance,
+            origins=self.origins,
+        )
+
+    def failed(self, reason: str, seconds: float) -> RegistrationResult:
+        """Return the result for scans that cannot be registered."""
+        return RegistrationResult(
+            target_from_source=self.initial or Pose.identity(),
+            status=Status.NO_CORRESPONDENCES,
+            reason=reason,
+            method=self.name,
+            timings={**self.clock.seconds, "total": seconds},
+            notes=tuple(self.notes),
+            origins=self.origins,
+        )
 
 
 def _method(
-    method: str | Method[Any] | None,
-    source: ArrayLike | PointCloud | PreparedScan,
-    target: ArrayLike | PointCloud | PreparedScan,
+    method: str | Method[Any] | None, source: Scan, target: Scan
 ) -> tuple[str, Method[Any]]:
+    """Return the method that was asked for, or the one that prepared the scans."""
     prepared = [scan for scan in (source, target) if isinstance(scan, PreparedScan)]
-    if method is not None:
-        name, chosen = named_method(method)
-    elif prepared:
+    if method is None and prepared:
         name, chosen = prepared[0].method_name, prepared[0].method
     else:
-        name, chosen = named_method(DEFAULT_METHOD)
+        name, chosen = named_method(DEFAULT_METHOD if method is None else method)
     for scan in prepared:
         if scan.method != chosen:
             raise InvalidInput(
@@ -202,28 +272,31 @@ def _method(
     return name, chosen
 
 
-def _ready(
-    scan: ArrayLike | PointCloud | PreparedScan, role: str, method: Method[Any]
-) -> PreparedScan:
-    return scan if isinstance(scan, PreparedScan) else prepare(scan, method=method, role=role)
+def _prepared(scan: Scan, role: str, method: Method[Any], verify: bool) -> PreparedScan:
+    if not isinstance(scan, PreparedScan):
+        return prepare(scan, method=method, verify=verify, role=role)
+    if verify and scan.features is None and not scan.insufficient:
+        return prepare(scan.cloud, method=method, role=role)
+    return scan
 
 
-def _start(initial: ArrayLike | Pose | None) -> tuple[Pose, list[str]]:
-    """Return where to start, and what had to be mended of it."""
-    if initial is None:
-        return Pose.identity(), []
-    if isinstance(initial, Pose):
+def _initial_pose(initial: ArrayLike | Pose | None) -> tuple[Pose | None, list[str]]:
+    """Return the initial pose, and a note if its rotation had to be corrected."""
+    if initial is None or isinstance(initial, Pose):
         return initial, []
     pose = Pose.from_matrix(initial, "initial")
-    gap = float(np.abs(pose.matrix[:3, :3] - np.asarray(initial)[:3, :3]).max())
-    if gap < _MENDED:
+    difference = float(np.abs(pose.matrix[:3, :3] - np.asarray(initial)[:3, :3]).max())
+    if difference < _ROUNDING:
         return pose, []
     return pose, [
-        f"initial: its 3x3 part was {gap:.1e} away from a rotation; the nearest was taken"
+        f"initial: its 3x3 part was {difference:.1e} away from a rotation; the nearest was used"
     ]
 
 
-def _local_prior(prior: PosePrior | None, frames: LocalOrigins) -> PosePrior | None:
-    if prior is None:
-        return None
-    return PosePrior(frames.local(prior.pose), prior.covariance)
+def _unverified(reason: StopReason) -> tuple[Status, str]:
+    """Return status and reason of a pose that was not verified."""
+    if reason is StopReason.EMPTY_OBJECTIVE:
+        return Status.NO_CORRESPONDENCES, reason.value
+    if not reason.is_converged:
+        return Status.NOT_CONVERGED, reason.value
+    return Status.UNVERIFIED, f"{reason.value}; the pose was not verified (verify=False)"

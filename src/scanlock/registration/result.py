@@ -3,10 +3,13 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from scanlock.arrays import Matrix, frozen
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_angle
 from scanlock.optimisation.solvers.solution import Iteration
@@ -25,66 +28,91 @@ from scanlock.registration.verification.observability import DirectionObservabil
 from scanlock.registration.verification.status import Status
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RegistrationResult:
-    """The result of registering a source scan to a target scan.
+    """The result of registering a source scan to a target scan; true if `ok`.
 
     Attributes
     ----------
     target_from_source : Pose
-        Carries points of the source into the frame of the target, both as the caller gave them.
-        When `status` is not `OK` it is the best pose seen, not a pose to trust.
+        Maps points of the source into the frame of the target, both as the caller gave them. If
+        `status` is not `OK` it is the best pose found, not a pose to trust.
     status : Status
     reason : str
         One sentence that explains the status.
     method : str
         Name of the method, a key of `METHODS`.
     metrics : Metrics
-        Every number that says how well the scans agree at the pose; all NaN when nothing was
-        registered.
+        Overlap, residuals and free-space violation at the pose; all NaN if nothing was registered.
     probability : float
-        How probable it is that the pose is within 0.3 m and 1 degree of the truth, in [0, 1];
-        see `scanlock.registration.verification.probability`. 0 when nothing was registered.
-    directions : tuple of HeldDirection
-        How firmly the surfaces that both scans show hold the pose: three translations, least held
-        first, then three rotations. Empty where they share too few surfaces to tell.
+        Probability that the pose is within 0.3 m and 1 degree of the truth, in [0, 1]; see
+        `scanlock.registration.verification.probability`. 0 if nothing was registered, NaN without
+        verification.
+    directions : tuple of DirectionObservability
+        Observability of three translations, least constrained first, then of three rotations.
+        Empty if the scans share too few surfaces.
+    converged : bool
+        Whether the solver converged; says nothing about the pose being right.
+    hessian : (6, 6) or None
+        Hessian of the objective of the method at the pose, for a step ``(rho, phi)`` of
+        `Pose.retract` between the local frames, at its finest scale. A mean over the observations.
     history : tuple of Iteration
-        Every evaluation of the objective, coarsest scale first; poses in local coordinates.
+        Every evaluation of the objective, coarsest scale first; poses between the local frames.
     timings : mapping of str to float [s]
         Wall time of each stage, and their ``"total"``.
     notes : tuple of str
-        What was found or inferred on the way that a user may want to know.
+        Facts about the scans and the registration that a user may want to know.
     candidates : tuple of Candidate
-        The finished poses that a method which searches had to choose from, the chosen one first;
-        empty for other methods.
+        The finished poses of a method that searches, best first; empty for other methods.
     covariance : PoseCovariance or None
-        How sure the pose is; None where it was not asked for or, as `notes` then say, cannot be
-        told.
-    frames : Frames
-        Where the scans lie in the caller's coordinates; see `local_target_from_source`.
+        Covariance of the pose; None if it was not asked for, or if a note says why there is none.
+    origins : LocalOrigins
+        Origins of the local frames in the caller's coordinates; see `local_target_from_source`.
     """
 
     target_from_source: Pose
     status: Status
     reason: str
     method: str
-    metrics: Metrics
-    probability: float
-    directions: tuple[DirectionObservability, ...]
-    history: tuple[Iteration, ...]
-    timings: Mapping[str, float]
+    metrics: Metrics = field(default_factory=Metrics)
+    probability: float = 0.0
+    directions: tuple[DirectionObservability, ...] = ()
+    converged: bool = False
+    hessian: Matrix | None = None
+    history: tuple[Iteration, ...] = ()
+    timings: Mapping[str, float] = field(default_factory=dict[str, float])
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     covariance: PoseCovariance | None = None
-    frames: LocalOrigins = field(default_factory=LocalOrigins.of_sensors)
+    origins: LocalOrigins = field(default_factory=LocalOrigins.of_sensors)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
+        if self.hessian is not None:
+            frozen(self.hessian)
+
+    def __bool__(self) -> bool:
+        return self.ok
 
     @property
     def ok(self) -> bool:
-        """Whether the pose can be used unseen."""
+        """Whether the pose is verified and can be used without a look at the scans."""
         return self.status is Status.OK
+
+    @property
+    def transformation(self) -> Matrix:
+        """The (4, 4) matrix of `target_from_source`, a fresh copy."""
+        return self.target_from_source.matrix
+
+    @property
+    def fitness(self) -> float:
+        """Ratio of the source's query points with a surface of the target, see `Metrics`."""
+        return self.metrics.fitness
+
+    @property
+    def inlier_rmse(self) -> float:
+        """RMS residual of those points [m], see `Metrics`."""
+        return self.metrics.inlier_rmse
 
     @property
     def iterations(self) -> int:
@@ -93,13 +121,13 @@ class RegistrationResult:
 
     @property
     def local_target_from_source(self) -> Pose:
-        """The pose between the local frames, whose zeros are the origins in `frames`.
+        """The pose between the local frames, whose zeros are the `origins`.
 
         ``local(p - source_origin) + target_origin`` is where a point p of the source lands. For
         scans in their sensors' frames it is `target_from_source`; of map coordinates it has short
         translations, and keeps its digits in tools that compute in single precision.
         """
-        return self.frames.local(self.target_from_source)
+        return self.origins.local(self.target_from_source)
 
     @property
     def overlap(self) -> float:
@@ -128,7 +156,7 @@ class RegistrationResult:
             "reason": self.reason,
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
-            **self.frames.as_dict(self.target_from_source),
+            **self.origins.as_dict(self.target_from_source),
             "probability": self.probability,
             "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
             "directions": [
@@ -182,12 +210,12 @@ class RegistrationResult:
 
     def _motion(self) -> tuple[float, float]:
         """Return how far the source's place moves [m], and how far it turns [deg]."""
-        shift = self.frames.shift(self.target_from_source, self.frames.place)
+        shift = self.origins.shift(self.target_from_source, self.origins.place)
         return math.hypot(*shift), math.degrees(rotation_angle(self.target_from_source.rotation))
 
     def _rows(self) -> Rows:
         metres, degrees = self._motion()
-        at = " at the centroid" if self.frames.is_on_map else ""
+        at = " at the centroid" if self.origins.is_on_map else ""
         return [
             ("status", f"{self.status.value}: {self.reason}"),
             ("probability", f"{self.probability:.3f} that the pose is right"),
@@ -200,21 +228,14 @@ class RegistrationResult:
         ]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return RegistrationResult, (
-            self.target_from_source,
-            self.status,
-            self.reason,
-            self.method,
-            self.metrics,
-            self.probability,
-            self.directions,
-            self.history,
-            dict(self.timings),
-            self.notes,
-            self.candidates,
-            self.covariance,
-            self.frames,
-        )
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        if self.hessian is not None:
+            values["hessian"] = np.array(self.hessian)
+        return _rebuilt, ({**values, "timings": dict(self.timings)},)
+
+
+def _rebuilt(values: dict[str, Any]) -> RegistrationResult:
+    return RegistrationResult(**values)
 
 
 def _number(value: float) -> float | None:

@@ -1,7 +1,7 @@
 """What registration keeps of one scan: lines 1 to 5 of Algorithm 1 of Das et al. 2013."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from scanlock.arrays import Points, frozen
 from scanlock.clouds.point_cloud import PointCloud
@@ -30,15 +30,12 @@ class ClusterGaussians:
         One set for each scale, coarsest first: clusters, or voxels where there is no ground.
     notes : tuple of str
         What was found on the way.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
     cloud: PointCloud
     obstacles: Points
     gaussians: tuple[Gaussians, ...]
     notes: tuple[str, ...]
-    timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
         frozen(self.obstacles)
@@ -49,7 +46,7 @@ class ClusterGaussians:
         parts = len(self.gaussians[-1])
         if parts >= MIN_GAUSSIANS:
             return ""
-        return f"holds {parts} parts besides the ground, of {MIN_GAUSSIANS} needed"
+        return f"has {parts} Gaussians above the ground; {MIN_GAUSSIANS} are needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -67,26 +64,33 @@ class ClusterGaussianExtractor:
         require_positive("deviation_floor", self.min_deviation, unit="m")
         require_at_least("least_count", self.segmenter.clusters.min_points, 2)
 
-    def find(self, cloud: PointCloud, radii: Sequence[float]) -> ClusterGaussians:
+    def find(
+        self, cloud: PointCloud, radii: Sequence[float], clock: StageClock | None = None
+    ) -> ClusterGaussians:
         """Return the landmarks of a cloud in its sensor's frame.
 
         Parameters
         ----------
         cloud : PointCloud
         radii : sequence of float [m]
-            Largest radius of a cluster at each scale, not growing.
+            Maximum radius of a cluster at each scale, not growing.
+        clock : StageClock, optional
+            Adds up the wall time of each stage.
         """
-        clock = StageClock()
+        clock = clock or StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
-        landmarks = self.find_above(cloud, ground, radii)
-        return replace(landmarks, timings={**clock.seconds, **landmarks.timings})
+        return self.find_above(cloud, ground, radii, clock)
 
     def find_above(
-        self, cloud: PointCloud, ground: Ground, radii: Sequence[float]
+        self,
+        cloud: PointCloud,
+        ground: Ground,
+        radii: Sequence[float],
+        clock: StageClock | None = None,
     ) -> ClusterGaussians:
         """Return the landmarks of a cloud whose ground is known; see `find`."""
-        clock = StageClock()
+        clock = clock or StageClock()
         with clock.stage("obstacles"):
             obstacles = obstacle_points(cloud, ground)
         distinct = sorted(set(radii), reverse=True)
@@ -98,7 +102,7 @@ class ClusterGaussianExtractor:
             }
         scales = tuple(gaussians[radius] for radius in radii)
         note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
-        return ClusterGaussians(cloud, obstacles, scales, (note,), clock.seconds)
+        return ClusterGaussians(cloud, obstacles, scales, (note,))
 
     def _gaussians(
         self, obstacles: Points, ground: Ground, radii: Sequence[float]

@@ -101,11 +101,11 @@ def test_an_interrupted_run_goes_on_where_it_was(experiment, series, done, tmp_p
     real = study_module.register
     calls = []
 
-    def register(*arguments, **keywords):
+    def register(**keywords):
         calls.append(None)
         if len(calls) == 5:
             raise KeyboardInterrupt
-        return real(*arguments, **keywords)
+        return real(**keywords)
 
     monkeypatch.setattr(study_module, "register", register)
     with pytest.raises(KeyboardInterrupt):

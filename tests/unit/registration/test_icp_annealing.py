@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from reference.pairs import register_pair
 from reference.samples import street
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
@@ -30,21 +31,21 @@ def _pair(layout, motion=_FAR):
 @pytest.mark.parametrize("motion", [_FOURTH, _FAR], ids=["paper", "farther"])
 @pytest.mark.parametrize("layout", [0, 1, 2])
 def test_annealing_finds_far_motions(layout, motion):
-    found = register(*_pair(layout, motion), method=_ANNEALED)
+    found = register_pair(_pair(layout, motion), method=_ANNEALED)
     assert found.target_from_source.is_close(motion, translation=0.1, rotation=0.005)
     assert any(note.startswith("annealing found") for note in found.notes)
 
 
 @pytest.mark.parametrize("layout", [0, 1, 2])
 def test_plain_icp_ends_in_a_wrong_minimum_there(layout):
-    found = register(*_pair(layout), method=_PLAIN)
+    found = register_pair(_pair(layout), method=_PLAIN)
     assert found.target_from_source.distance(_FAR)[0] > 1.0
     assert not found.ok
 
 
 def test_a_good_start_is_not_lost_to_the_search():
-    found = register(street(2), street(1), method=_ANNEALED).target_from_source
-    assert found == register(street(2), street(1), method=_PLAIN).target_from_source
+    found = register(source=street(2), target=street(1), method=_ANNEALED).target_from_source
+    assert found == register(source=street(2), target=street(1), method=_PLAIN).target_from_source
 
 
 def test_the_least_distance_wins_where_any_advantage_counts():
@@ -62,10 +63,10 @@ def test_the_least_distance_wins_where_any_advantage_counts():
 
 def test_the_seed_decides_and_nothing_else():
     source, target = _pair(3)
-    once, again = (register(source, target, method=_ANNEALED) for _ in range(2))
+    once, again = (register(source=source, target=target, method=_ANNEALED) for _ in range(2))
     assert once.target_from_source == again.target_from_source
     other = Icp(annealing=AnnealedStart(seed=9, annealing=Annealing(seed=9)))
-    found = register(source, target, method=other).target_from_source
+    found = register(source=source, target=target, method=other).target_from_source
     assert found.is_close(once.target_from_source, translation=0.02, rotation=0.001)
 
 

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from reference.pairs import register_pair
 from reference.samples import street, yaw_pose
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
@@ -25,26 +26,26 @@ def scans():
 
 def test_a_prepared_scan_registers_as_the_scan_itself(scans):
     source, target = scans
-    whole = register(source, target)
+    whole = register(source=source, target=target)
     ready = [prepare(scan) for scan in scans]
     for pair in (ready, (source, ready[1]), (ready[0], target)):
-        result = register(*pair)
+        result = register_pair(pair)
         assert result.target_from_source == whole.target_from_source
         assert result.notes == whole.notes
         assert result.method == whole.method
-    assert "ground" not in register(*ready).timings
-    assert "ground" in register(source, ready[1]).timings
+    assert "ground" not in register_pair(ready).timings
+    assert "ground" in register(source=source, target=ready[1]).timings
 
 
 def test_a_scan_prepared_by_another_method_is_refused(scans):
     source, target = scans
     ready = prepare(target, method="sgc-ndt-p2d")
-    assert register(source, ready).method == "sgc-ndt-p2d"
+    assert register(source=source, target=ready).method == "sgc-ndt-p2d"
     with pytest.raises(InvalidInput, match=r"prepared the scan \(sgc-ndt-p2d\), got sgc-ndt-d2d"):
-        register(source, ready, method="sgc-ndt-d2d")
+        register(source=source, target=ready, method="sgc-ndt-d2d")
     with pytest.raises(InvalidInput, match="prepared the scan"):
-        register(source, ready, method=SgcNdt(score="p2d", voxel_size=0.3))
-    assert register(source, ready, method=SgcNdt(score="p2d")).ok
+        register(source=source, target=ready, method=SgcNdt(score="p2d", voxel_size=0.3))
+    assert register(source=source, target=ready, method=SgcNdt(score="p2d")).ok
 
 
 def test_a_prepared_scan_tells_what_was_found():
@@ -77,12 +78,12 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
     covariance = np.diag([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-4])
     source, target = (PointCloud.from_array(here.apply(scan)) for scan in scans)
     prior = PosePrior(here @ believed @ here.inverse(), covariance)
-    mapped = register(source, target, prior=prior, method="sgc-ndt-d2d")
+    mapped = register(source=source, target=target, prior=prior, method="sgc-ndt-d2d")
     between = Pose(believed.rotation, believed.apply(source.origin - here.translation))
     shifted = Pose(between.rotation, between.translation + here.translation - target.origin)
     local = register(
-        source.points,
-        target.points,
+        source=source.points,
+        target=target.points,
         initial=Pose(np.eye(3), source.origin - target.origin),
         prior=PosePrior(shifted, covariance),
         method="sgc-ndt-d2d",
@@ -91,7 +92,7 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
     expected = local.target_from_source.apply(source.points) + target.origin
     assert np.abs(found - expected).max() < 1e-6
     # And it pulls: without it the pose lies farther from what is believed.
-    free = register(source, target, method="sgc-ndt-d2d")
+    free = register(source=source, target=target, method="sgc-ndt-d2d")
     gaps = [here.inverse() @ one.target_from_source @ here for one in (mapped, free)]
     pulled, unpulled = (pose.distance(believed)[0] for pose in gaps)
     assert pulled < 0.97 * unpulled
@@ -100,13 +101,13 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
 def test_locked_directions_stay_as_in_the_initial_pose(scans):
     source, target = scans
     initial = Pose.from_step(np.array([0.0, 0.0, 0.2, 0.02, -0.01, 0.0]))
-    result = register(source, target, initial=initial, dof="xy+yaw")
+    result = register(source=source, target=target, initial=initial, dof="xy+yaw")
     pose = result.target_from_source
     assert abs(pose.translation[2] - 0.2) < 1e-9
     tilt = (pose.rotation @ initial.rotation.T)[2]
     np.testing.assert_allclose(tilt, [0.0, 0.0, 1.0], atol=1e-9)
-    level = register(source, target, dof="xyz+yaw")
+    level = register(source=source, target=target, dof="xyz+yaw")
     assert level.status is Status.OK
     assert level.target_from_source.is_close(_MOTION, translation=0.1, rotation=math.radians(0.3))
     with pytest.raises(InvalidInput, match="dof must be one of"):
-        register(source, target, dof="yaw")
+        register(source=source, target=target, dof="yaw")

@@ -15,7 +15,7 @@ def scan():
 
 
 def test_the_default_method_has_a_name(scan):
-    assert register(scan, scan).method == DEFAULT_METHOD
+    assert register(source=scan, target=scan).method == DEFAULT_METHOD
     assert DEFAULT_METHOD in METHODS
 
 
@@ -31,13 +31,13 @@ def test_the_default_method_has_a_name(scan):
 )
 def test_an_initial_pose_that_is_none_is_refused(scan, initial, message):
     with pytest.raises(InvalidInput, match=message):
-        register(scan, scan, initial=initial)
+        register(source=scan, target=scan, initial=initial)
 
 
 def test_an_initial_pose_with_few_digits_is_mended_and_noted(scan):
     exact = yaw_pose(0.3, (0.1, 0.2, 0.0)).matrix
     notes = {
-        digits: [note for note in register(scan, scan, initial=exact.round(digits)).notes
+        digits: [note for note in register(source=scan, target=scan, initial=exact.round(digits)).notes
                  if note.startswith("initial")]
         for digits in (3, 12)
     }  # fmt: skip
@@ -45,7 +45,7 @@ def test_an_initial_pose_with_few_digits_is_mended_and_noted(scan):
     [note] = notes[3]
     defect = float(note.split(" was ")[1].split()[0])
     assert 1e-5 < defect < 1e-3
-    assert not any(note.startswith("initial") for note in register(scan, scan).notes)
+    assert not any(note.startswith("initial") for note in register(source=scan, target=scan).notes)
 
 
 def test_source_and_target_are_never_confused(scan):
@@ -58,7 +58,7 @@ def test_source_and_target_are_never_confused(scan):
 
 def test_a_scan_of_too_few_parts_is_named_in_the_reason(scan):
     few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])
-    result = register(few, scan)
+    result = register(source=few, target=scan)
     assert result.status is Status.NO_CORRESPONDENCES
     assert result.reason.startswith("the source holds 2 parts")
 
@@ -67,7 +67,7 @@ def test_settings_of_ones_own_go_by_the_name_of_their_class(scan):
     class Standing(type(METHODS[DEFAULT_METHOD])):
         """The default method under another name."""
 
-    assert register(scan, scan, method=Standing()).method == "Standing"
+    assert register(source=scan, target=scan, method=Standing()).method == "Standing"
 
 
 def test_a_clock_adds_up_what_is_spent_under_a_name():

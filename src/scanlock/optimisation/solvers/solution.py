@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
@@ -54,6 +55,10 @@ class Solution:
     objective : Objective or None
         What was minimised at the last stage, under its restraint; None where a solver alone ran,
         whose caller knows it.
+    candidates : tuple
+        Finished poses of a method that searches, best first: `verification.candidate.Candidate`.
+    runner_up_ratio : float
+        Score of the second candidate over that of the first; NaN without a search.
     """
 
     pose: Pose
@@ -62,3 +67,5 @@ class Solution:
     history: tuple[Iteration, ...]
     notes: tuple[str, ...] = ()
     objective: Objective | None = None
+    candidates: tuple[Any, ...] = ()
+    runner_up_ratio: float = math.nan

@@ -12,7 +12,7 @@ from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.registration.methods.auto_scan import AutoScan
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.multi_start import MultiStart, RefinedHypothesis
-from scanlock.registration.methods.protocol import SearchResult
+from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
@@ -23,7 +23,6 @@ from scanlock.registration.verification.candidate import INITIAL, Candidate, pla
 from scanlock.registration.verification.features import VerificationFeatures, features_from_clusters
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.result import GroundStatus
-from scanlock.timing import StageClock
 
 _START_APART = 2.0
 """A start may be this many times as far from where it leads as two ends of one place: 1 m is what
@@ -35,8 +34,8 @@ forests was a tenth of that of the next, among sixty."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Auto:
-    """Settings of the default method; `prepare` each scan once, `find` or `align` any pair."""
+class Auto(Method[AutoScan]):
+    """Settings of the default method; `prepare` each scan once, `align` any pair."""
 
     search: BevSearch | None = field(default_factory=BevSearch)
     """Proposes poses from the scans themselves; None leaves it out."""
@@ -77,65 +76,66 @@ class Auto:
         require_at_least("initial_pose_preference", self.initial_pose_preference, 1.0)
         require_fraction("fallback_threshold", self.fallback_threshold)
 
-    def prepare(self, cloud: PointCloud) -> AutoScan:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return self.initial_method.covariance_factor if self.fine is None else 0.89
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> AutoScan:
         """Return what the method keeps of a scan."""
-        clock = StageClock()
+        log = log or PreparationLog()
         finder = self.initial_method.extractor
-        with clock.stage("ground"):
+        with log.stage("ground"):
             ground = finder.segmenter.ground.find(cloud)
         basin = [scale.max_radius for scale in self.initial_method.schedule.scales]
         near = [scale.max_radius for scale in self.multi_start.scales]
         radii = sorted({*basin, *near}, reverse=True)
-        found = finder.find_above(cloud, ground, radii)
+        found = finder.find_above(cloud, ground, radii, log.clock)
         parts = dict(zip(radii, found.gaussians, strict=True))
-        with clock.stage("view"):
+        with log.stage("view"):
             view = None if self.search is None else self.search.grid(cloud, ground)
             level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
-        with clock.stage("evidence"):
+        with log.stage("evidence"):
             features = features_from_clusters(found, self.range_imager)
-        with clock.stage("cells"):
+        with log.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
-        return AutoScan(
-            cloud,
+        scan = AutoScan(
             replace(found, gaussians=tuple(parts[radius] for radius in basin)),
             tuple(parts[radius] for radius in near),
             view,
             level,
             features,
             fine,
-            {**clock.seconds, **found.timings},
         )
+        if scan.insufficient:
+            raise InsufficientData(scan.insufficient)
+        for note in found.notes:
+            log.note(note)
+        if fine is not None:
+            log.note(f"{len(fine.gaussians)} cells of {fine.width:g} m")
+        log.features = features
+        return scan
 
     def align(
         self,
         target: AutoScan,
         source: AutoScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, given an initial one."""
-        return self.find(target, source, start, constraints).solution
-
-    def find(
-        self,
-        target: AutoScan,
-        source: AutoScan,
-        initial: Pose | None = None,
-        constraints: Constraints = UNCONSTRAINED,
-    ) -> SearchResult:
         """Return the pose that carries the source onto the target, and what else there was.
 
         Parameters
         ----------
         target, source : AutoScan
-        initial : Pose, optional
-            One hypothesis more, and where locked directions are held; the identity by default.
+        start : Pose, optional
+            One more hypothesis, and the value of locked directions; the identity by default.
         restraint : Restraint
         """
         history: tuple[Iteration, ...] = ()
         rivals: list[tuple[Candidate, Solution]] = []
         for ends in (self._first_ends, self._further_ends):
-            ended, steps = ends(target, source, initial, constraints)
+            ended, steps = ends(target, source, start, constraints)
             history += steps + tuple(step for one in ended for step in one.solution.history)
             features = target.features, source.features
             rivals += [(judged(*features, one), one.solution) for one in ended]
@@ -146,10 +146,11 @@ class Auto:
             best = rivals[0][0] if rivals else None
             if best is not None and best.is_plausible and best.agreement >= self.fallback_threshold:
                 break
-        return SearchResult(
-            replace(rivals[0][1], history=history),
-            tuple(candidate for candidate, _ in rivals),
-            self._rivalry(rivals, constraints, len(source.gaussians[-1])),
+        return replace(
+            rivals[0][1],
+            history=history,
+            candidates=tuple(candidate for candidate, _ in rivals),
+            runner_up_ratio=self._rivalry(rivals, constraints, len(source.gaussians[-1])),
         )
 
     def _rivalry(

@@ -1,9 +1,7 @@
 """What the default method keeps of a scan."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.methods.fine_ndt import FineNdtScan
@@ -18,8 +16,6 @@ class AutoScan:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The checked points of the whole scan.
     landmarks : Landmarks
         Its clusters at each scale of the descent from an initial pose.
     parts : tuple of Gaussians
@@ -32,26 +28,14 @@ class AutoScan:
         What candidates are judged by.
     fine : FineScan or None
         Its small cells.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
-    cloud: PointCloud
     clusters: ClusterGaussians
     gaussians: tuple[Gaussians, ...]
     bev_grid: BevGrid | None
     level: Pose | None
     features: VerificationFeatures
     fine: FineNdtScan | None
-    timings: Mapping[str, float]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found on the way."""
-        if self.fine is None:
-            return self.clusters.notes
-        cells = f"{len(self.fine.gaussians)} cells of {self.fine.width:g} m"
-        return (*self.clusters.notes, cells)
 
     @property
     def has_ground(self) -> bool:

@@ -1,6 +1,5 @@
 """Who is paired with whom, and how much each pair counts: step 1 of Madhavan and Messina 2003."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -8,7 +7,6 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.clouds.neighbours import ClosestPoints
-from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
@@ -31,8 +29,6 @@ class PointScan:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The checked points of the whole scan.
     closest : ClosestPoints
         The points that are paired, thinned or all, and the way to search them.
     spacing : float [m]
@@ -43,20 +39,13 @@ class PointScan:
         Of the sensor's noise at each, packed; (0, 6) without a noise model.
     sample : (k, 3) [m]
         What the search for a start looks up; (0, 3) without such a search.
-    notes : tuple of str
-        What was found on the way.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
-    cloud: PointCloud
     closest: ClosestPoints
     spacing: float
     normals: Points
     covariances: Matrix
     sample: Points
-    notes: tuple[str, ...]
-    timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
         for array in (self.normals, self.covariances, self.sample):
@@ -66,13 +55,6 @@ class PointScan:
     def points(self) -> Points:
         """(n, 3) the points that are paired [m]."""
         return self.closest.points
-
-    @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered; empty when it can."""
-        if len(self.points) >= MIN_CORRESPONDENCES:
-            return ""
-        return f"holds {len(self.points)} points to pair, of {MIN_CORRESPONDENCES} needed"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,6 @@
 """Generalised ICP: Segal, Haehnel and Thrun 2009, and by the voxel, Koide et al. 2021."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -23,7 +22,7 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.timing import StageClock
+from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 
 _LEAST_POINTS = 10
 """Of fewer points, or fewer pairs, no pose is worth the name."""
@@ -41,42 +40,21 @@ class SurfaceScan:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The checked points of the whole scan.
     surface : SurfacePoints
         Its thinned points, in the order of the tree.
     tree : PointTree
         Finds the closest of them.
     voxels : tuple of SurfaceVoxels
         One set for each scale, where points meet voxels.
-    left_out : int
-        How many thinned points had no surface.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
-    cloud: PointCloud
     surface: SurfacePoints
     tree: PointTree
     voxels: tuple[SurfaceVoxels, ...]
-    left_out: int
-    timings: Mapping[str, float]
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found on the way."""
-        return (f"{len(self.surface)} surface points; {self.left_out} others stand alone",)
-
-    @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered; empty when it can."""
-        if len(self.surface) >= _LEAST_POINTS:
-            return ""
-        return f"holds {len(self.surface)} surface points, of {_LEAST_POINTS} needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Gicp:
+class Gicp(Method[SurfaceScan]):
     """Settings of generalised ICP; `prepare` each scan once, `align` as many pairs as wanted."""
 
     search: Literal["closest", "voxel"] = "closest"
@@ -139,13 +117,18 @@ class Gicp:
         require_positive("lever", self.rotation_scale, unit="m")
         require_surface(self.neighbours, self.shape, self.covariance_epsilon)
 
-    def prepare(self, cloud: PointCloud) -> SurfaceScan:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return 1.10 if self.search == "closest" else 1.11
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> SurfaceScan:
         """Return what the method keeps of a scan."""
-        clock = StageClock()
-        with clock.stage("thin"):
+        log = log or PreparationLog()
+        with log.stage("thin"):
             tree = PointTree.from_points(voxel_means(cloud.points, self.voxel_size))
             count = len(tree)
-        with clock.stage("surface"):
+        with log.stage("surface"):
             around = Neighbourhoods.around(tree, self.neighbours)
             is_surface = around.widths <= self.max_surface_radius
             if not is_surface.all() and is_surface.any():
@@ -155,22 +138,26 @@ class Gicp:
             surface = SurfacePoints(
                 tree.points, around.covariances(self.shape, self.covariance_epsilon)
             )
-        with clock.stage("voxels"):
+        with log.stage("voxels"):
             widths = self.target_voxel_sizes if self.search == "voxel" else ()
             voxels = tuple(SurfaceVoxels.from_points(surface, width) for width in widths)
-        return SurfaceScan(cloud, surface, tree, voxels, count - len(tree), clock.seconds)
+        if len(surface) < _LEAST_POINTS:
+            raise InsufficientData(f"has {len(surface)} surface points; {_LEAST_POINTS} are needed")
+        log.note(f"{len(surface)} surface points; {count - len(tree)} outliers left out")
+        return SurfaceScan(surface, tree, voxels)
 
     def align(
         self,
         target: SurfaceScan,
         source: SurfaceScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start.
 
         A start where fewer than 10 points meet is returned untouched, with NO_SUPPORT.
         """
+        start = start or Pose.identity()
         *coarse, finest = self._scales
         pose, history, notes = start, list[Iteration](), tuple[str, ...]()
         closest = cached_neighbours(target.tree)

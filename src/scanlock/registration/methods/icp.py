@@ -27,13 +27,13 @@ from scanlock.registration.methods.correspondences import (
 )
 from scanlock.registration.methods.icp_annealing import AnnealedStart
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
+from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.methods.rejection import AdaptiveRejection
 from scanlock.registration.methods.transform_estimation import TransformEstimation
-from scanlock.timing import StageClock
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Icp:
+class Icp(Method[PointScan]):
     """Settings of ICP; `prepare` each scan once, `align` as many pairs as wanted."""
 
     search: Search = "k-d tree"
@@ -100,19 +100,24 @@ class Icp:
             require_positive("voxel_size", self.voxel_size, unit="m")
         require_count("neighbours", self.neighbours, MIN_NEIGHBOURS)
 
-    def prepare(self, cloud: PointCloud) -> PointScan:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return 1.86 if self.estimation.residual == "point-to-plane" else 4.42
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> PointScan:
         """Return what the method keeps of a scan."""
-        clock = StageClock()
-        with clock.stage("thin"):
+        log = log or PreparationLog()
+        with log.stage("thin"):
             points = cloud.points
             if self.voxel_size is not None:
                 points = voxel_means(points, self.voxel_size)
-        with clock.stage("search"):
+        with log.stage("search"):
             tree = PointTree.from_points(points)
             closest = closest_points(tree, self.search)
             spacing = typical_spacing(tree)
         normals, covariances = np.zeros((0, 3)), np.zeros((0, 6))
-        with clock.stage("surface"):
+        with log.stage("surface"):
             if (
                 self.estimation.residual == "point-to-plane"
                 or self.correspondences.max_normal_angle is not None
@@ -122,20 +127,20 @@ class Icp:
                 covariances = self.noise.covariances(tree.points)
         sample = np.zeros((0, 3))
         if self.annealing is not None:
-            with clock.stage("sample"):
+            with log.stage("sample"):
                 sample = self.annealing.sampled(cloud)
-        notes = [f"{len(tree)} points to pair, {spacing:.3g} m apart"]
+        if len(tree) < MIN_CORRESPONDENCES:
+            raise InsufficientData(f"has {len(tree)} points; {MIN_CORRESPONDENCES} are needed")
+        log.note(f"{len(tree)} points, {spacing:.3g} m apart")
         if self.noise is not None and cloud.origin.any():
-            notes.append("sensor noise taken about the origin, where the sensor may not be")
-        return PointScan(
-            cloud, closest, spacing, normals, covariances, sample, tuple(notes), clock.seconds
-        )
+            log.note("sensor noise taken about the origin, where the sensor may not be")
+        return PointScan(closest, spacing, normals, covariances, sample)
 
     def align(
         self,
         target: PointScan,
         source: PointScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start.
@@ -144,6 +149,7 @@ class Icp:
         there, and how far apart the pairs are that count. A start where fewer than 10 points
         meet, or robust weights leave as few, is returned untouched, with NO_SUPPORT.
         """
+        start = start or Pose.identity()
         if self.annealing is None:
             return self._descend(target, source, start, constraints)
         starts = self.annealing.poses(target, source, start, constraints)

@@ -1,6 +1,6 @@
 """Multi-scale k-means NDT: Das and Waslander 2012, in three dimensions."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -30,11 +30,11 @@ from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
-from scanlock.registration.methods.scales import dense_scales, insufficient_reason, shares_of
+from scanlock.registration.methods.protocol import Method, PreparationLog
+from scanlock.registration.methods.scales import dense_scales, require_enough, shares_of
 from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import is_obstacle
-from scanlock.timing import StageClock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,41 +43,24 @@ class KMeansScan:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The checked points of the whole scan.
     points : (n, 3) [m]
         The thinned points that were parted.
     gaussians : tuple of Gaussians
         One set for each number of parts, fewest first.
     shares : tuple of float
         Share of the thinned points that each set holds.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
-    cloud: PointCloud
     points: Points
     gaussians: tuple[Gaussians, ...]
     shares: tuple[float, ...]
-    timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
         frozen(self.points)
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found on the way."""
-        found = ", ".join(str(len(one)) for one in self.gaussians)
-        return (f"{found} Gaussians by k-means of {len(self.points)} points",)
-
-    @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered; empty when it can."""
-        return insufficient_reason(self, "parts")
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class MskmNdt:
+class MskmNdt(Method[KMeansScan]):
     """Settings of MSKM-NDT; `prepare` each scan once, `align` as many pairs as wanted."""
 
     score: Literal["p2d", "d2d"] = "p2d"
@@ -134,30 +117,39 @@ class MskmNdt:
         require_at_least("weight_power", self.weight_power, 0.0)
         require_fraction("loose_step", self.coarse_tolerance)
 
-    def prepare(self, cloud: PointCloud) -> KMeansScan:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return 1.06
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> KMeansScan:
         """Return what the method keeps of a scan."""
-        clock = StageClock()
-        with clock.stage("ground"):
+        log = log or PreparationLog()
+        with log.stage("ground"):
             if self.points == "obstacles":
                 points = cloud.points[is_obstacle(cloud, self.ground.find(cloud))]
             else:
                 points = measured_points(cloud)
-        with clock.stage("k-means"):
+        with log.stage("k-means"):
             # In the order of their cubes, so that the order of the caller's rows does not matter.
             thinned = read_only(voxel_means(points, self.voxel_size))
             gaussians = tuple(self._gaussians(thinned, count) for count in self.cluster_counts)
         shares = shares_of(gaussians, len(thinned))
-        return KMeansScan(cloud, thinned, gaussians, shares, clock.seconds)
+        scan = KMeansScan(thinned, gaussians, shares)
+        require_enough(scan, "Gaussians")
+        found = ", ".join(str(len(one)) for one in gaussians)
+        log.note(f"{found} Gaussians by k-means of {len(thinned)} points")
+        return scan
 
     def align(
         self,
         target: KMeansScan,
         source: KMeansScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_staged(self._stages(target, source, constraints), start)
+        return minimise_staged(self._stages(target, source, constraints), start or Pose.identity())
 
     def _gaussians(self, points: Points, count: int) -> Gaussians:
         labels = self.k_means.labels(points, count)

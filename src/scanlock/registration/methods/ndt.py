@@ -18,6 +18,7 @@ from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.registration.methods.protocol import Method, PreparationLog
 from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
 
@@ -26,7 +27,7 @@ Meeting = Literal[CellAssociation, "all"]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Ndt:
+class Ndt(Method[VoxelScan]):
     """Settings of NDT; `prepare` each scan once, `align` as many pairs as wanted."""
 
     cell_sizes: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
@@ -73,19 +74,19 @@ class Ndt:
         solver = Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-6, step_tolerance=1e-6))
         return cls(cell_sizes=(3.0,), association="own-cell", voxel_size=0.0, solver=solver)
 
-    def prepare(self, cloud: PointCloud) -> VoxelScan:
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> VoxelScan:
         """Return what the method keeps of a scan."""
-        return prepare_voxels(cloud, self.grid, self.cell_sizes, self.voxel_size)
+        return prepare_voxels(cloud, self.grid, self.cell_sizes, log, self.voxel_size)
 
     def align(
         self,
         target: VoxelScan,
         source: VoxelScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_staged(self._stages(target, source, constraints), start)
+        return minimise_staged(self._stages(target, source, constraints), start or Pose.identity())
 
     def _stages(
         self, target: VoxelScan, source: VoxelScan, constraints: Constraints

@@ -21,6 +21,7 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.registration.methods.protocol import Method, PreparationLog
 from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
 
@@ -34,7 +35,7 @@ score; only the last is continuous.
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class NdtD2d:
+class NdtD2d(Method[VoxelScan]):
     """Settings of NDT-D2D; `prepare` each scan once, `align` as many pairs as wanted."""
 
     cell_sizes: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
@@ -91,19 +92,24 @@ class NdtD2d:
             solver=Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=30)),
         )
 
-    def prepare(self, cloud: PointCloud) -> VoxelScan:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return 0.86
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> VoxelScan:
         """Return what the method keeps of a scan."""
-        return prepare_voxels(cloud, self.grid, self.cell_sizes)
+        return prepare_voxels(cloud, self.grid, self.cell_sizes, log)
 
     def align(
         self,
         target: VoxelScan,
         source: VoxelScan,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
-        return minimise_staged(self._stages(target, source, constraints), start)
+        return minimise_staged(self._stages(target, source, constraints), start or Pose.identity())
 
     def _stages(
         self, target: VoxelScan, source: VoxelScan, constraints: Constraints

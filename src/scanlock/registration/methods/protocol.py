@@ -1,88 +1,112 @@
-"""What a registration method is, what it keeps of a scan, and what a search ends with."""
+"""The contract of a registration method: `prepare` each scan, `align` two of them."""
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from collections.abc import Generator
+from contextlib import contextmanager
+from typing import Protocol, TypeVar
 
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import ScanlockError
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.registration.verification.candidate import Candidate
+from scanlock.registration.verification.features import VerificationFeatures
+from scanlock.segmentation.cluster_gaussians import ClusterGaussians
+from scanlock.timing import StageClock
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SearchResult:
-    """What a search ended with.
+class InsufficientData(ScanlockError):
+    """A scan has too few points, Gaussians or surfaces for a method.
+
+    Raised by `Method.prepare`. `register` returns it as the status ``NO_CORRESPONDENCES``.
+    The message follows "the source": ``InsufficientData("has 3 surface points; 10 are needed")``.
+    """
+
+
+class PreparationLog:
+    """Notes, times and intermediate results of the preparation of one scan.
 
     Attributes
     ----------
-    solution : Solution
-        The pose chosen, with the history of all descents.
-    candidates : tuple of Candidate
-        All finished poses, the chosen one first.
-    rival : float
-        How well the second stands as a share of the first, by what the choice was made by; NaN
-        where nothing was chosen from.
+    notes : list of str
+        Facts for the notes of the result.
+    seconds : dict of str to float [s]
+        Wall time of each stage.
+    clusters : ClusterGaussians or None
+        Set by methods that segment the scan, so that the verification need not segment it again.
+    features : VerificationFeatures or None
+        Set by methods that verify candidates themselves.
     """
 
-    solution: Solution
-    candidates: tuple[Candidate, ...]
-    rival: float = math.nan
-
-
-class Prepared(Protocol):
-    """What a method keeps of a scan, as target or as source."""
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+        self.clock = StageClock()
+        self.clusters: ClusterGaussians | None = None
+        self.features: VerificationFeatures | None = None
 
     @property
-    def cloud(self) -> PointCloud:
-        """The checked points of the whole scan."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found on the way that a user may want to know."""
-        ...
-
-    @property
-    def timings(self) -> Mapping[str, float]:
+    def seconds(self) -> dict[str, float]:
         """Wall time of each stage [s]."""
-        ...
+        return self.clock.seconds
+
+    def note(self, text: str) -> None:
+        """Keep a fact for the notes of the result."""
+        self.notes.append(text)
+
+    @contextmanager
+    def stage(self, name: str) -> Generator[None]:
+        """Add the wall time of the ``with`` block to the stage `name`."""
+        with self.clock.stage(name):
+            yield
+
+
+_Data = TypeVar("_Data")
+
+
+class Method(Protocol[_Data]):
+    """A registration method: settings with `prepare` and `align`.
+
+    Subclass it, or write a class with the same members.
+    """
+
+    __slots__ = ()
 
     @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered, to follow "the source"; empty when it can."""
-        ...
+    def covariance_factor(self) -> float:
+        """Ratio of the actual standard deviations of a pose to those estimated within a pair."""
+        return 1.0
 
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> _Data:
+        """Compute everything that depends on one scan only.
 
-_Kept = TypeVar("_Kept", bound=Prepared)
+        Parameters
+        ----------
+        cloud : PointCloud
+        log : PreparationLog, optional
+            Takes notes, times and intermediate results.
 
-
-class Method(Protocol[_Kept]):
-    """A way to register two scans: settings that can do their job."""
-
-    def prepare(self, cloud: PointCloud) -> _Kept:
-        """Return what the method keeps of a scan."""
+        Raises
+        ------
+        InsufficientData
+            The scan has too little to be registered.
+        """
         ...
 
     def align(
-        self, target: _Kept, source: _Kept, start: Pose, constraints: Constraints = UNCONSTRAINED
-    ) -> Solution:
-        """Return the pose found from `start`, in the local frames of the clouds."""
-        ...
-
-
-@runtime_checkable
-class Search(Protocol):
-    """A method that needs no start."""
-
-    def find(
         self,
-        target: Any,
-        source: Any,
-        initial: Pose | None = None,
+        target: _Data,
+        source: _Data,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
-    ) -> SearchResult:
-        """Return the pose found and its rivals, in the local frames of the clouds."""
+    ) -> Solution:
+        """Estimate the pose, target from source, in the local frames of the clouds.
+
+        Parameters
+        ----------
+        target, source
+            From `prepare`.
+        start : Pose, optional
+            The initial pose. None if there is none: methods without a search of their own then
+            start from the identity.
+        constraints : Constraints
+        """
         ...

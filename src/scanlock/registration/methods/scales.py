@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from scanlock.models.gaussians import Gaussians
+from scanlock.registration.methods.protocol import InsufficientData
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 
 MIN_COVERAGE = 0.6
@@ -40,10 +41,11 @@ def dense_scales(*scans: Scaled) -> list[int]:
     return dense or [max(range(len(counts)), key=lambda scale: counts[scale])]
 
 
-def insufficient_reason(scan: Scaled, parts: str) -> str:
-    """Return why a scan cannot be registered at any scale; empty when it can."""
+def require_enough(scan: Scaled, parts: str) -> None:
+    """Raise `InsufficientData` where no scale has enough Gaussians."""
     most = max(len(one) for one in scan.gaussians)
-    return "" if most >= MIN_GAUSSIANS else f"holds {most} {parts}, of {MIN_GAUSSIANS} needed"
+    if most < MIN_GAUSSIANS:
+        raise InsufficientData(f"has {most} {parts}; {MIN_GAUSSIANS} are needed")
 
 
 def shares_of(gaussians: Sequence[Gaussians], count: int) -> tuple[float, ...]:

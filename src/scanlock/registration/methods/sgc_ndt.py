@@ -14,6 +14,7 @@ from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussian
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine, Scale
+from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor, ClusterGaussians
 
 _POINT_BLUR = 2.0 * 2**0.5
@@ -25,7 +26,7 @@ also lack the extent of clusters, and twice as much again gives P2D the basin of
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class SgcNdt:
+class SgcNdt(Method[ClusterGaussians]):
     """Settings of SGC-NDT; `prepare` each scan once, `align` as many pairs as wanted."""
 
     score: Literal["d2d", "p2d"] = "d2d"
@@ -54,15 +55,28 @@ class SgcNdt:
         require_fraction("voxel_size_ratio", self.voxel_size_ratio)
         require_at_least("merge_ratio", self.merge_ratio, 0.0)
 
-    def prepare(self, cloud: PointCloud) -> ClusterGaussians:
+    @property
+    def covariance_factor(self) -> float:
+        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        return 1.16 if self.score == "d2d" else 1.11
+
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> ClusterGaussians:
         """Return what the method keeps of a scan."""
-        return self.extractor.find(cloud, [scale.max_radius for scale in self.schedule.scales])
+        log = log or PreparationLog()
+        radii = [scale.max_radius for scale in self.schedule.scales]
+        clusters = self.extractor.find(cloud, radii, log.clock)
+        if clusters.insufficient:
+            raise InsufficientData(clusters.insufficient)
+        for note in clusters.notes:
+            log.note(note)
+        log.clusters = clusters
+        return clusters
 
     def align(
         self,
         target: ClusterGaussians,
         source: ClusterGaussians,
-        start: Pose,
+        start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
         """Return the pose that carries the source onto the target, from a start."""
@@ -85,7 +99,9 @@ class SgcNdt:
                 curvature=curvature,
             )
 
-        return self.schedule.minimise(lambda index: constraints.on(objective_at(index)), start)
+        return self.schedule.minimise(
+            lambda index: constraints.on(objective_at(index)), start or Pose.identity()
+        )
 
     def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
         width = self.merge_ratio * scale.smoothing

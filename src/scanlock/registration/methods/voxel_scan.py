@@ -1,6 +1,6 @@
 """What the methods on voxels keep of a scan: its points, and their Gaussians at each width."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scanlock.arrays import Points, frozen, read_only
@@ -10,8 +10,8 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.kernels.points.rows import chosen_points
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.registration.methods.scales import insufficient_reason, shares_of
-from scanlock.timing import StageClock
+from scanlock.registration.methods.protocol import PreparationLog
+from scanlock.registration.methods.scales import require_enough, shares_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,59 +20,50 @@ class VoxelScan:
 
     Attributes
     ----------
-    cloud : PointCloud
-        The checked points of the whole scan.
     points : (n, 3) [m]
         Its thinned points.
     voxels : tuple of VoxelGaussians
         One set for each width, coarsest first.
     shares : tuple of float
         Share of all points that each set holds.
-    timings : mapping of str to float [s]
-        Wall time of each stage.
     """
 
-    cloud: PointCloud
     points: Points
     voxels: tuple[VoxelGaussians, ...]
     shares: tuple[float, ...]
-    timings: Mapping[str, float]
 
     def __post_init__(self) -> None:
         frozen(self.points)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was found on the way."""
-        found = ", ".join(f"{len(one)} Gaussians of {one.width:g} m" for one in self.voxels)
-        return (f"{found}, of {len(self.points)} points",)
 
     @property
     def gaussians(self) -> tuple[Gaussians, ...]:
         """Those of the voxels."""
         return tuple(one.gaussians for one in self.voxels)
 
-    @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered; empty when it can."""
-        return insufficient_reason(self, "cells with enough points")
-
 
 def prepare_voxels(
-    cloud: PointCloud, grid: VoxelGrid, widths: Sequence[float], spacing: float = 0.0
+    cloud: PointCloud,
+    grid: VoxelGrid,
+    widths: Sequence[float],
+    log: PreparationLog | None,
+    spacing: float = 0.0,
 ) -> VoxelScan:
     """Return the Gaussians of a cloud at each width [m], and its points thinned to a spacing.
 
     A spacing [m] of 0 keeps all points.
     """
-    clock = StageClock()
-    with clock.stage("gaussians"):
+    log = log or PreparationLog()
+    with log.stage("gaussians"):
         points = measured_points(cloud)
         voxels = tuple(grid.gaussians(points, width) for width in widths)
-    with clock.stage("thin"):
+    with log.stage("thin"):
         thinned = voxel_means(points, spacing) if spacing > 0.0 else points
     shares = shares_of([one.gaussians for one in voxels], len(points))
-    return VoxelScan(cloud, read_only(thinned), voxels, shares, clock.seconds)
+    scan = VoxelScan(read_only(thinned), voxels, shares)
+    require_enough(scan, "cells with enough points")
+    found = ", ".join(f"{len(one)} Gaussians of {one.width:g} m" for one in voxels)
+    log.note(f"{found}, of {len(thinned)} points")
+    return scan
 
 
 def require_widths(widths: Sequence[float]) -> None:

@@ -18,6 +18,9 @@ class Status(enum.Enum):
     LOW_OVERLAP = "low_overlap"
     """Too little of the scans agrees at the pose: it is likely wrong, or they share too little."""
 
+    UNVERIFIED = "unverified"
+    """The verification does not confirm the pose."""
+
     NOT_CONVERGED = "not_converged"
     """The iteration limit came first, or the pose is not at rest on the surfaces that both show."""
 

@@ -37,7 +37,7 @@ def _assert_true(pose, metres=0.05, degrees=0.2):
 
 def test_a_scan_far_apart_with_any_heading_is_found():
     pair = scan_pair("street", "os1_64", 5, baseline=(20.0, 25.0), turn=math.pi)
-    result = register(pair.source.points, pair.target.points)
+    result = register(source=pair.source.points, target=pair.target.points)
     assert result.status is Status.OK
     metres, radians = result.target_from_source.distance(pair.target_from_source)
     assert metres < 0.1
@@ -96,9 +96,11 @@ def test_loyalty_decides_between_poses_that_agree_as_well():
         found = _found((target, source), initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
         assert found.solution.pose.is_close(truth, translation=0.05, rotation=0.01)
         # It may be wrong, so that the twin is told all the same.
-        told = register(source, target, initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth)
+        told = register(
+            source=source, target=target, initial=yaw_pose(0.1, (1.0, 0.5, 0.0)) @ truth
+        )
         assert told.status is Status.AMBIGUOUS
-    result = register(source, target)
+    result = register(source=source, target=target)
     assert result.status is Status.AMBIGUOUS
     assert "another pose agrees" in result.reason
     assert result.runner_up_ratio > 0.9
@@ -125,7 +127,7 @@ def test_a_prior_is_a_hypothesis_and_a_judge():
         believed = PosePrior.from_deviations(yaw_pose(0.1, (0.5, 0.0, 0.0)) @ truth, 0.5, 0.2)
         found = _found((target, source), constraints=Constraints(prior=believed))
         assert found.solution.pose.is_close(truth, translation=0.06, rotation=0.01)
-        assert register(source, target, prior=believed).status is Status.OK
+        assert register(source=source, target=target, prior=believed).status is Status.OK
 
 
 @pytest.mark.parametrize("part", ["search", "deeper", "imager", "fine"])

@@ -199,7 +199,9 @@ def test_a_handful_of_points_is_too_few(meeting, count):
 @_with_each_meeting
 def test_the_front_door_takes_it(meeting):
     motion = yaw_pose(0.2, (2.0, -1.0, 0.1))
-    result = register(motion.inverse().apply(street(2)), street(1), method=Gicp(search=meeting))
+    result = register(
+        source=motion.inverse().apply(street(2)), target=street(1), method=Gicp(search=meeting)
+    )
     assert result.ok, result.reason
     assert result.target_from_source.is_close(motion, translation=0.03, rotation=2e-3)
     assert result.method == "Gicp"

@@ -17,7 +17,7 @@ def test_the_single_scale_of_the_paper_works_from_near_and_not_from_far(score):
     target = street(1)
     near, far = yaw_pose(0.01, (0.3, 0.0, 0.0)), yaw_pose(2.5, (8.0, 0.0, 0.0))
     for motion, expected in ((near, True), (far, False)):
-        result = register(motion.inverse().apply(street(2)), target, method=paper)
+        result = register(source=motion.inverse().apply(street(2)), target=target, method=paper)
         right = result.target_from_source.is_close(motion, translation=0.15, rotation=0.01)
         assert (right, result.ok) == (expected, expected)
 
@@ -27,7 +27,7 @@ def test_points_of_p2d_are_thinned_by_the_spacing():
     source, target = motion.inverse().apply(street(2)), street(1)
     for spacing in (0.25, 2.0):
         method = SgcNdt(score="p2d", voxel_size=spacing, voxel_size_ratio=0.0)
-        result = register(source, target, method=method)
+        result = register(source=source, target=target, method=method)
         assert result.target_from_source.is_close(motion, translation=0.2, rotation=0.01)
         assert result.method == "SgcNdt"
 
@@ -55,7 +55,7 @@ def test_merging_changes_the_way_and_not_the_end():
     motion = yaw_pose(0.5, (4.0, 1.0, 0.0))
     source, target = motion.inverse().apply(street(2)), street(1)
     ends = [
-        register(source, target, method=SgcNdt(merge_ratio=share)).target_from_source
+        register(source=source, target=target, method=SgcNdt(merge_ratio=share)).target_from_source
         for share in (0.0, 2.0)
     ]
     assert ends[0].is_close(ends[1], translation=1e-5, rotation=1e-6)

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
+from scanlock.registration.methods.calibration import covariance_factor
 
 from reference import jackknife as reference
+from reference.pairs import register_pair
 from reference.samples import street, yaw_pose
 from scanlock.arrays import read_only
 from scanlock.errors import InvalidInput
@@ -13,7 +15,6 @@ from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.registration.methods.calibration import covariance_factor
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
@@ -179,7 +180,7 @@ def scans():
 
 @pytest.mark.parametrize("way", ["sandwich", "hessian", "sampled"])
 def test_a_registration_tells_how_sure_it_is(scans, way):
-    result = register(*scans, initial=_MOTION, covariance=way)
+    result = register_pair(scans, initial=_MOTION, covariance=way)
     covariance = result.covariance
     assert covariance is not None
     assert covariance.method == way
@@ -193,7 +194,7 @@ def test_a_registration_tells_how_sure_it_is(scans, way):
 
 def test_the_sampled_way_is_never_surer(scans):
     within, spread = (
-        register(*scans, initial=_MOTION, covariance=way).covariance
+        register_pair(scans, initial=_MOTION, covariance=way).covariance
         for way in ("sandwich", "sampled")
     )
     assert within is not None
@@ -219,14 +220,14 @@ def test_starts_that_end_elsewhere_widen_it():
 
 
 def test_none_is_told_unless_asked_for(scans):
-    result = register(*scans, initial=_MOTION)
+    result = register_pair(scans, initial=_MOTION)
     assert result.covariance is None
     assert result.as_dict()["covariance"] is None
     assert "covariance" not in result.timings
 
 
 def test_identical_scans_are_not_exact(scans):
-    covariance = register(scans[1], scans[1], covariance="sandwich").covariance
+    covariance = register(source=scans[1], target=scans[1], covariance="sandwich").covariance
     assert covariance is not None
     assert np.all(covariance.deviations[:3] >= 2.9e-4)
     assert np.linalg.eigvalsh(covariance.matrix)[0] > 0.0
@@ -234,7 +235,7 @@ def test_identical_scans_are_not_exact(scans):
 
 def test_where_nothing_meets_the_notes_say_so(scans):
     far = yaw_pose(0.0, (1e4, 0.0, 0.0))
-    result = register(*scans, initial=far, covariance="sandwich")
+    result = register_pair(scans, initial=far, covariance="sandwich")
     assert result.covariance is None
     assert "no covariance: nothing of the scans met" in result.notes
 
@@ -292,14 +293,16 @@ def test_settings_that_make_no_sense_are_refused(wrong):
 
 def test_an_unknown_way_is_refused_by_register(scans):
     with pytest.raises(InvalidInput, match="covariance must be one of"):
-        register(*scans, covariance="guess")  # type: ignore[arg-type]
+        register_pair(scans, covariance="guess")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_has_a_factor_and_a_covariance(name):
     assert 0.5 < covariance_factor(METHODS[name]) < 10.0
     target, source = street(1, 4000), _MOTION.inverse().apply(street(2, 4000))
-    result = register(source, target, method=name, initial=_MOTION, covariance="sandwich")
+    result = register(
+        source=source, target=target, method=name, initial=_MOTION, covariance="sandwich"
+    )
     assert result.covariance is not None, result.notes
 
 
@@ -310,10 +313,16 @@ def test_settings_never_measured_have_no_factor():
 def test_map_coordinates_speak_about_the_middle_of_the_source():
     offset = np.array([4.5e5, 5.4e6, 100.0])
     target, source = street(1, 6000), _MOTION.inverse().apply(street(2, 6000))
-    local = register(source, target, method=_METHOD, initial=_MOTION, covariance="sandwich")
+    local = register(
+        source=source, target=target, method=_METHOD, initial=_MOTION, covariance="sandwich"
+    )
     start = Pose(_MOTION.rotation, offset + _MOTION.translation - _MOTION.rotation @ offset)
     far = register(
-        source + offset, target + offset, method=_METHOD, initial=start, covariance="sandwich"
+        source=source + offset,
+        target=target + offset,
+        method=_METHOD,
+        initial=start,
+        covariance="sandwich",
     )
     assert local.covariance is not None
     assert far.covariance is not None
@@ -325,10 +334,10 @@ def test_map_coordinates_speak_about_the_middle_of_the_source():
 
 
 def test_a_covariance_can_be_the_prior_of_the_next_registration(scans):
-    first = register(*scans, initial=_MOTION, covariance="sandwich")
+    first = register_pair(scans, initial=_MOTION, covariance="sandwich")
     assert first.covariance is not None
     prior = PosePrior(first.target_from_source, first.covariance.matrix)
-    second = register(*scans, initial=_MOTION, prior=prior, covariance="sandwich")
+    second = register_pair(scans, initial=_MOTION, prior=prior, covariance="sandwich")
     assert second.covariance is not None
     assert np.all(second.covariance.deviations <= 1.01 * first.covariance.deviations)
 
@@ -346,7 +355,7 @@ def _corridor(seed, count=4000):
 def test_samples_show_what_closest_points_hide():
     scans = [prepare(_corridor(seed), method="gicp") for seed in (3, 4)]
     within, spread = (
-        register(*scans, initial=yaw_pose(0.01, (0.2, 0.05, 0.0)), covariance=way).covariance
+        register_pair(scans, initial=yaw_pose(0.01, (0.2, 0.05, 0.0)), covariance=way).covariance
         for way in ("sandwich", "sampled")
     )
     assert within is not None

@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
-from scanlock.optimisation.solvers.criteria import StopReason
 
 from scanlock.geometry.pose import Pose
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.verification.assessment import Assessment
