@@ -11,13 +11,14 @@ class StopReason(enum.Enum):
 
     GRADIENT_SMALL = "gradient norm fell below the tolerance"
     STEP_SMALL = "step norm fell below the tolerance"
+    GIVEN = "the pose was given"
     ITERATION_LIMIT = "iteration limit reached; the pose may still be improving"
     EMPTY_OBJECTIVE = "nothing meets at this pose; try a better initial pose or wider Gaussians"
 
     @property
     def is_converged(self) -> bool:
         """Whether the solver ended at a stationary point."""
-        return self in (StopReason.GRADIENT_SMALL, StopReason.STEP_SMALL)
+        return self in (StopReason.GRADIENT_SMALL, StopReason.STEP_SMALL, StopReason.GIVEN)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
