@@ -68,7 +68,7 @@ stages = {name: float(np.median([one[name] for _, one in calls])) for name in ca
 kept = scanlock.prepare(target, method=method)
 parts = 0 if kept.evidence is None else len(kept.evidence.gaussians)
 print(json.dumps(dict(cpu=cpu, stages=stages, extra=max(0, peak - before), parts=parts,
-                      evaluations=result.iterations, ok=result.ok)))
+                      evaluations=result.evaluations, ok=result.ok)))
 """
 
 

@@ -96,7 +96,7 @@ def cell(method: Method, pairs: list[RealPair]) -> tuple[str, float, float]:
         begin = time.process_time()
         result = register(source=source, target=target, method=method)
         seconds += time.process_time() - begin
-        evaluations += result.iterations
+        evaluations += result.evaluations
         found.append(pose_error(result.target_from_source, pair.truth))
     solved = [error for error in found if is_solved(error)]
     text = f"{len(solved)} / {len(pairs)}"

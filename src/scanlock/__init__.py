@@ -1,7 +1,7 @@
 """Register 3D lidar scans.
 
 ``scanlock.register(source=..., target=...)`` estimates the pose between two scans and verifies it.
-``scanlock.segment(points)`` finds the ground and the clusters of one. The public names are listed in
+``scanlock.segment(points)`` finds the ground and the clusters of one. The public names are in
 ``__init__.pyi``; each is imported when it is first used, because Numba and SciPy take a second.
 """
 

@@ -66,7 +66,7 @@ def test_a_result_tells_how_it_came_about(method):
     assert found.ok
     assert 0.0 <= found.overlap <= 1.0
     assert 0.0 <= found.score <= 1.0
-    assert found.iterations == len(found.history) > 1
+    assert found.evaluations == len(found.history) > 1
     total = found.timings["total"]
     assert 0.0 < sum(t for name, t in found.timings.items() if name != "total") <= total
     assert all(np.isfinite(entry.value) for entry in found.history)

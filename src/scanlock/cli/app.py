@@ -1,7 +1,7 @@
-"""The commands, and what becomes of their answers and errors.
+"""The command-line application: parse, run a command, report its errors.
 
-Only Cyclopts is imported here, and a command's own file only when it is asked for: help must
-come at once, and NumPy, SciPy and Numba take seconds.
+Only Cyclopts is imported here, and the file of a command only when it runs: help must print at
+once, and NumPy, SciPy and Numba take seconds to import.
 """
 
 import io
@@ -17,21 +17,21 @@ from scanlock.cli.errors import complain, one_line, usage_fault
 from scanlock.errors import ScanlockError
 
 OK, FAULT, PIPE_CLOSED = 0, 1, 141
-"""Exit codes; the last is 128 and the number of the signal, as shells have it."""
+"""Exit codes; the last is 128 plus the number of the signal, as in shells."""
 
 _EPILOGUE = """\
 Examples:
   scanlock demo
-  scanlock register reference.bin scene.bin -o pose.txt
+  scanlock register source.bin target.bin -o pose.txt
   scanlock COMMAND --help
 """
 
 
 def build_app() -> App:
-    """Return the parser of the command line; a command is imported once it is asked for."""
+    """Build the parser of the command line."""
     app = App(
         name="scanlock",
-        help="Lock 3D lidar scans together: fast, from far starts, and honest about failure.",
+        help="Register 3D lidar scans: fast, without an initial pose, with a verified result.",
         version=f"scanlock {__version__}",
         # Markdown would take a quarter of a second to import.
         help_format="plaintext",
@@ -74,12 +74,12 @@ def run(arguments: Sequence[str] | None) -> int:
 
 
 def _accept_any_name() -> None:
-    # Names of files hold what a terminal's encoding may lack; printing them must not fail.
+    # File names may hold characters that the terminal's encoding lacks; printing must not fail.
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
 def _forget_stdout() -> None:
-    # Python flushes stdout once more on its way out, and would complain about the closed pipe.
+    # Python flushes stdout once more at exit, and would report the closed pipe.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

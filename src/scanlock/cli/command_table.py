@@ -1,20 +1,20 @@
-"""The commands: where each one lives, and what help says of it beyond its options."""
+"""Table of the commands: their functions and help texts."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Command:
-    """One command, not imported before it is asked for."""
+    """One command; its module is imported when it runs."""
 
     path: str
     """Module and function."""
 
     help: str
-    """What it does, in a line."""
+    """Summary, one line."""
 
     epilogue: str
-    """What its help ends with."""
+    """End of its help: examples and exit codes."""
 
 
 _READING = """\
@@ -33,35 +33,35 @@ Examples:
     ),
     "register": Command(
         path="scanlock.cli.commands.register:register",
-        help="Find the pose that carries one scan onto another, and whether to trust it.",
+        help="Estimate and verify the pose between two scans.",
         epilogue=f"""\
 Examples:
-  scanlock register reference.bin scene.bin
-  scanlock register reference.pcd scene.pcd -o pose.txt --picture pair.png
-  scanlock register reference.las scene.las --initial guess.txt --json
+  scanlock register source.bin target.bin
+  scanlock register source.pcd target.pcd -o pose.txt --picture pair.png
+  scanlock register source.las target.las --initial guess.txt --json
 
-Exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted (the
-reason is printed), 1 for wrong arguments or files.
+Exit code: 0 if the pose is verified, 2 if it is not (the reason is printed),
+1 for wrong arguments or files.
 
 {_READING}""",
     ),
     "segment": Command(
         path="scanlock.cli.commands.segment:segment",
-        help="Find the ground and the clusters that stand on it.",
+        help="Find the ground and the clusters above it.",
         epilogue=f"""\
 Examples:
   scanlock segment scan.bin -o labels.npy
   scanlock segment scan.pcd -o coloured.ply --picture scan.png
 
-Labels follow the rows of the scan: 0 ground, 1 and up clusters, -1 neither. In
-.label files they are SemanticKITTI's: 49 ground, 99 with an instance number for
-clusters, 0 neither. Scan files (.ply, .pcd, ...) get a further field.
+Labels have one row per point: 0 ground, 1 and up clusters, -1 neither. In .label
+files they are SemanticKITTI's: 49 ground, 99 with an instance number for
+clusters, 0 neither. Scan files (.ply, .pcd, ...) get a label field.
 
 {_READING}""",
     ),
     "info": Command(
         path="scanlock.cli.commands.info:info",
-        help="Say what is in a scan file: fields, extent, oddities, and some guesses.",
+        help="Describe a scan file: format, fields, extent, and guesses about the sensor.",
         epilogue=f"""\
 Examples:
   scanlock info scan.pcd
@@ -71,21 +71,20 @@ Examples:
     ),
     "map": Command(
         path="scanlock.cli.commands.map:map_folder",
-        help="Register a folder of scans one to the next, and lay them into one map.",
+        help="Register consecutive scans of a folder and build one map.",
         epilogue="""\
 Examples:
   scanlock map drive -o drive-map
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
 
-Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or what
-scanlock simulate wrote. An interrupt leaves the map up to there, and a kill its
-poses.
-Exit code: 2 if a pair is not to be trusted.
+Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or the
+output of scanlock simulate. After an interrupt the map so far is written.
+Exit code: 2 if a pair is not verified.
 """,
     ),
     "evaluate": Command(
         path="scanlock.cli.commands.evaluate:evaluate",
-        help="Compare a trajectory with the true one.",
+        help="Compute the errors of a trajectory against ground truth.",
         epilogue="""\
 Examples:
   scanlock evaluate trajectory_tum.txt truth_tum.txt --picture both.png
@@ -95,45 +94,45 @@ Examples:
     ),
     "crispness": Command(
         path="scanlock.cli.commands.crispness:crispness",
-        help="Count the voxels that a map fills: the fewer, the crisper.",
+        help="Count the voxels that a map fills; fewer is crisper.",
         epilogue=f"""\
 Examples:
   scanlock crispness map.ply
   scanlock crispness icp.ply ndt.ply --width 0.2
 
-Maps of the same scans can be compared, no others.
+Only maps of the same scans are comparable.
 
 {_READING}""",
     ),
     "compare": Command(
         path="scanlock.cli.commands.compare:compare",
-        help="Register pairs by several methods: errors, and how far away they may start.",
+        help="Compare methods on pairs of scans: errors and basins of convergence.",
         epilogue=f"""\
 Examples:
-  scanlock compare reference.bin scene.bin --truth pose.txt
+  scanlock compare source.bin target.bin --truth pose.txt
   scanlock compare drive --methods gicp sgc-ndt-d2d --every 10 --pairs 5
   scanlock compare drive --agree --starts 3 --distances 0 2 5 --angles 0 30
 
-A folder's own poses (scanlock simulate, Ford Campus, KITTI odometry) are taken
-for true, if it has any.
+Ground truth: the poses in the folder (scanlock simulate, Ford Campus, KITTI
+odometry), if it has some.
 
 {_READING}""",
     ),
     "reproduce": Command(
         path="scanlock.cli.commands.reproduce:reproduce",
-        help="Run an experiment of the SGC-NDT paper, and set our numbers beside its own.",
+        help="Reproduce an experiment of the papers, with their numbers beside ours.",
         epilogue="""\
 Examples:
   scanlock reproduce forest
   scanlock reproduce urban --scans 10 -o /tmp/urban
   scanlock reproduce urban --data 2011_09_26_drive_0005_sync --poses poses.txt
 
-Ctrl-C loses nothing: the same command goes on where it was.
+After Ctrl-C the same command continues.
 """,
     ),
     "simulate": Command(
         path="scanlock.cli.commands.simulate:simulate",
-        help="Make scans with exact poses and labels.",
+        help="Simulate scans with exact poses and labels.",
         epilogue="""\
 Examples:
   scanlock simulate street -o drive --scans 20 --every 10
@@ -151,7 +150,7 @@ Examples:
     ),
     "warmup": Command(
         path="scanlock.cli.commands.warm_up:warm_up",
-        help="Compile everything now, so that no later command has to.",
+        help="Compile all kernels now, so that later commands start at once.",
         epilogue="",
     ),
 }

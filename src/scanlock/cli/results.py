@@ -1,4 +1,4 @@
-"""A registration as people read it."""
+"""Printed form of a registration result."""
 
 import math
 from collections.abc import Mapping
@@ -14,57 +14,60 @@ if TYPE_CHECKING:
 
 def show_registration(
     result: "RegistrationResult",
-    reference: str,
-    scene: str,
+    source: str,
+    target: str,
     *,
     first_stage: tuple[str, float],
     compiled: bool,
     truth: "Pose | None" = None,
+    verbose: bool = False,
 ) -> None:
-    """Print a registration: the verdict first, then the pose, then how it came about.
+    """Print a result: status, reason and pose; the metrics and times if verbose.
 
     Parameters
     ----------
-    result : Registration
-    reference, scene : str
-        What was registered, as it is to be called.
+    result : RegistrationResult
+    source, target : str
+        Names of the scans.
     first_stage : str and float [s]
-        What it took to have the scans at all, which the total leaves out.
+        Name and time of reading or simulating the scans, which the total leaves out.
     compiled : bool
-        Whether kernels were compiled meanwhile.
+        Whether kernels were compiled in between.
     truth : Pose, optional
-        The true pose, if it is known.
+        The true pose, if known.
+    verbose : bool
+        Whether to print metrics, candidates and times.
     """
     from scanlock.registration.display import direction_rows, metric_rows
 
-    status = result.status.value.replace("_", " ")
     rows: Facts = [
-        ("why", result.reason),
-        ("reference", f"{reference} (stays)"),
-        ("scene", f"{scene} (moves)"),
-        ("method", f"{result.method}, {result.iterations} evaluations"),
+        ("reason", result.reason),
+        ("source", f"{source} (moves)"),
+        ("target", f"{target} (stays)"),
         *_motion(result),
     ]
     if truth is not None:
         rows.append(("error", _error(result.target_from_source, truth)))
-    rows.append(("right", f"with a probability of {result.probability:.3f}"))
-    rows.extend(metric_rows(result.metrics))
+    rows.append(("probability", f"{result.probability:.3f} that the pose is right"))
     rows.extend(direction_rows(result.degenerate_directions))
     if result.covariance is not None:
         rows.append(("deviation", result.covariance.as_text()))
-    if result.candidates:
-        rows.append(("chosen", _choice(result)))
     rows.extend(_pose(result))
     if truth is not None:
         rows.append(("truth", _matrix(truth)))
-    rows.append(("time", _time(result.timings, first_stage, compiled)))
+    if verbose:
+        rows.append(("method", f"{result.method}, {result.evaluations} evaluations"))
+        rows.extend(metric_rows(result.metrics))
+        if result.candidates:
+            rows.append(("candidates", _candidates(result)))
+    rows.append(("time", _time(result.timings, first_stage, compiled, verbose)))
     rows.extend(("note", note) for note in result.notes)
-    print_status(status, "scene onto reference", good=result.ok)
+    print_status(result.status.value.replace("_", " "), "source onto target", good=result.ok)
     print_facts(rows)
 
 
 def show_history(result: "RegistrationResult") -> None:
-    """Print every evaluation of the objective on the way, in the runs of the solver."""
+    """Print every evaluation of the objective, grouped by runs of the solver."""
     heads = ("run", "evaluation", "value", "step [m]", "gradient", "accepted")
     rows = [
         [
@@ -83,8 +86,8 @@ def show_history(result: "RegistrationResult") -> None:
 def history_content(result: "RegistrationResult") -> list[dict[str, Any]]:
     """Return every evaluation of the objective as plain numbers for JSON.
 
-    The solver runs once at each scale of each descent; a run begins by evaluating the pose that
-    it is given, which is no step.
+    The solver runs once at each scale of each start. A run begins with the evaluation of its
+    initial pose, which is not a step.
     """
     content: list[dict[str, Any]] = []
     run = 0
@@ -105,13 +108,13 @@ def history_content(result: "RegistrationResult") -> list[dict[str, Any]]:
 def _motion(result: "RegistrationResult") -> Facts:
     from scanlock.geometry.rotations import log_rotation
 
-    pose, place = result.target_from_source, result.origins.place
-    shift = result.origins.shift(pose, place)
+    pose, point = result.target_from_source, result.origins.reference_point
+    shift = result.origins.shift(pose, point)
     turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
-    about = f" at the centroid, {_triple(place, 0)} m" if result.origins.is_on_map else ""
+    about = f" at the centroid, {_triple(point, 0)} m" if result.origins.is_on_map else ""
     return [
-        ("moved", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
-        ("turned", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
+        ("translation", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
+        ("rotation", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
     ]
 
 
@@ -125,25 +128,23 @@ def _triple(values: "Vector | list[float]", digits: int) -> str:
     return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
 
 
-def _choice(result: "RegistrationResult") -> str:
-    found = f"by {result.candidates[0].proposed_by}"
-    rivals = len(result.candidates) - 1
-    return f"{found}; no rival" if rivals == 0 else f"{found}; {rivals} rivals"
+def _candidates(result: "RegistrationResult") -> str:
+    return f"{len(result.candidates)}, the best by {result.candidates[0].proposed_by}"
 
 
 def _pose(result: "RegistrationResult") -> Facts:
-    said = "rotation and translation [m], reference from scene"
-    frames = result.origins
-    if not (frames.is_on_map or frames.target_origin.any()):
-        return [("pose", f"{said}\n{_matrix(result.target_from_source)}")]
+    title = "target from source: rotation and translation [m]"
+    origins = result.origins
+    if not (origins.is_on_map or origins.target_origin.any()):
+        return [("pose", f"{title}\n{_matrix(result.target_from_source)}")]
     # At the coordinates of a map the seventh digit of a rotation is metres.
     full = "\n".join(
         " ".join(f"{value + 0.0:.17g}" for value in row)
         for row in result.target_from_source.matrix[:3]
     )
-    origins = f"{_triple(frames.target_origin, 0)} and {_triple(frames.source_origin, 0)} m"
-    local = f"the same about the origins {origins}\n{_matrix(result.local_target_from_source)}"
-    return [("pose", f"{said}\n{full}"), ("local pose", local)]
+    about = f"{_triple(origins.target_origin, 0)} and {_triple(origins.source_origin, 0)} m"
+    local = f"the same about the origins {about}\n{_matrix(result.local_target_from_source)}"
+    return [("pose", f"{title}\n{full}"), ("local pose", local)]
 
 
 def _matrix(pose: "Pose") -> str:
@@ -155,10 +156,14 @@ def _matrix(pose: "Pose") -> str:
     )
 
 
-def _time(timings: Mapping[str, float], first: tuple[str, float], compiled: bool) -> str:
+def _time(
+    timings: Mapping[str, float], first: tuple[str, float], compiled: bool, verbose: bool
+) -> str:
     stages = dict(timings)
-    total = stages.pop("total")
+    total = f"{1e3 * stages.pop('total'):.0f} ms"
+    remark = "\nmost of it for compiling; later runs are faster" if compiled else ""
+    if not verbose:
+        return f"{total}{remark}"
     split = ", ".join(f"{name} {1e3 * seconds:.0f}" for name, seconds in stages.items())
-    remark = "\nmost of it for compiling, which later runs need not" if compiled else ""
     name, seconds = first
-    return f"{1e3 * total:.0f} ms: {split}; before that {name} {1e3 * seconds:.0f}{remark}"
+    return f"{total}: {split}; before that {name} {1e3 * seconds:.0f}{remark}"

@@ -252,7 +252,7 @@ def _recorded(
         pose=result.target_from_source,
         overlap=result.overlap,
         score=result.score,
-        evaluations=result.iterations,
+        evaluations=result.evaluations,
         mean_distance=_last_distance(result.history),
         centre=(x, y, z),
         notes=result.notes,

@@ -1,4 +1,4 @@
-"""The frames of two registered scans: the caller's, and the local ones that it was computed in."""
+"""Local frames of two scans: their origins in the caller's coordinates."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,18 +10,18 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class LocalOrigins:
-    """Where the local frames of two scans lie in the caller's, and where the source is.
+    """Origins of the local frames of two scans, and the centroid of the source.
 
-    Coordinates of a map are large, and a turn about their zero is a long way: they are computed
-    about an origin amid each scan, and motions are told where the source is.
+    Map coordinates are large, and a rotation about their zero moves points far. So poses are
+    computed between local frames whose origins lie within the scans.
 
     Attributes
     ----------
     target_origin, source_origin : (3,) [m]
-        Zero of each local frame in the caller's coordinates: the caller's own zero, the sensor,
-        unless the scan lies far from it. Whole metres, so that shifting by it loses nothing.
+        Zero of each local frame in the caller's coordinates: the caller's own zero (the sensor),
+        unless the scan lies far from it. Whole metres, so that subtracting them is exact.
     source_centroid : (3,) [m]
         Mean of the source's points, in the caller's coordinates.
     """
@@ -36,48 +36,54 @@ class LocalOrigins:
 
     @classmethod
     def of_sensors(cls) -> "LocalOrigins":
-        """Return those of scans in their sensors' frames of which nothing more is known."""
-        return cls(np.zeros(3), np.zeros(3), np.zeros(3))
+        """Return the origins of scans in their sensors' frames."""
+        return cls(
+            target_origin=np.zeros(3), source_origin=np.zeros(3), source_centroid=np.zeros(3)
+        )
 
     @classmethod
     def of_clouds(cls, target: PointCloud, source: PointCloud) -> "LocalOrigins":
-        """Return those of two scans."""
-        return cls(target.origin, source.origin, source.centroid)
+        """Return the origins of two checked scans."""
+        return cls(
+            target_origin=target.origin,
+            source_origin=source.origin,
+            source_centroid=source.centroid,
+        )
 
     @property
     def is_on_map(self) -> bool:
-        """Whether the source came in coordinates of a map, and is no sensor's view."""
+        """Whether the source has map coordinates rather than its sensor's."""
         return bool(self.source_origin.any())
 
     @property
-    def place(self) -> Vector:
-        """(3,) the point of the source [m] whose motion is worth telling.
+    def reference_point(self) -> Vector:
+        """(3,) the point of the source [m] whose translation is reported.
 
-        Its sensor; of a scan in map coordinates its centroid.
+        The sensor; for a scan in map coordinates the centroid.
         """
         return self.source_centroid if self.is_on_map else self.source_origin
 
     def local(self, target_from_source: Pose) -> Pose:
-        """Return a pose between the caller's frames as one between the local frames."""
+        """Convert a pose between the caller's frames to one between the local frames."""
         rotation, translation = target_from_source.rotation, target_from_source.translation
         return Pose(rotation, rotation @ self.source_origin + translation - self.target_origin)
 
     def caller(self, local: Pose) -> Pose:
-        """Return a pose between the local frames as one between the caller's; see `local`."""
+        """Convert a pose between the local frames to one between the caller's; see `local`."""
         shift = self.target_origin + local.translation - local.rotation @ self.source_origin
         return Pose(local.rotation, shift)
 
-    def shift(self, target_from_source: Pose, place: Vector) -> Vector:
-        """Return (3,) how far a pose moves a point (3,) of the source [m].
+    def shift(self, target_from_source: Pose, point: Vector) -> Vector:
+        """Return the (3,) displacement [m] of a point (3,) of the source under a pose.
 
-        By way of the local frames, which keeps the digits that map coordinates would take.
+        Computed in the local frames, which keeps the digits that map coordinates lose.
         """
-        near = place - self.source_origin
-        landed = self.local(target_from_source).apply(near)
-        return (landed - near) + (self.target_origin - self.source_origin)
+        near = point - self.source_origin
+        moved = self.local(target_from_source).apply(near)
+        return (moved - near) + (self.target_origin - self.source_origin)
 
     def as_dict(self, target_from_source: Pose) -> dict[str, Any]:
-        """Return the frames, and a pose as it is between the local ones, as plain numbers."""
+        """Return the origins, and a pose between the local frames, as plain numbers."""
         return {
             "target_origin": self.target_origin.tolist(),
             "source_origin": self.source_origin.tolist(),
@@ -87,6 +93,11 @@ class LocalOrigins:
         }
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return LocalOrigins, tuple(
-            np.array(one) for one in (self.target_origin, self.source_origin, self.source_centroid)
-        )
+        arrays = (self.target_origin, self.source_origin, self.source_centroid)
+        return _rebuilt, tuple(np.array(one) for one in arrays)
+
+
+def _rebuilt(target_origin: Vector, source_origin: Vector, source_centroid: Vector) -> LocalOrigins:
+    return LocalOrigins(
+        target_origin=target_origin, source_origin=source_origin, source_centroid=source_centroid
+    )

@@ -1,4 +1,4 @@
-"""What a registration says: the pose, whether to trust it, and how it came about."""
+"""The result of a registration: pose, status, metrics, covariance and history."""
 
 import json
 import math
@@ -115,8 +115,8 @@ class RegistrationResult:
         return self.metrics.inlier_rmse
 
     @property
-    def iterations(self) -> int:
-        """Evaluations of the objective over all scales."""
+    def evaluations(self) -> int:
+        """Number of evaluations of the objective, over all scales and starts."""
         return len(self.history)
 
     @property
@@ -131,22 +131,22 @@ class RegistrationResult:
 
     @property
     def overlap(self) -> float:
-        """Share of the source that meets the target, see `Metrics`."""
+        """Ratio of the source that overlaps the target, see `Metrics`."""
         return self.metrics.overlap
 
     @property
     def score(self) -> float:
-        """Correlation of the scans, see `Metrics`."""
+        """Normalised D2D score of the scans, see `Metrics`."""
         return self.metrics.score
 
     @property
     def runner_up_ratio(self) -> float:
-        """How well the best rival agrees, see `Metrics`."""
+        """Score of the runner-up over that of the pose, see `Metrics`."""
         return self.metrics.runner_up_ratio
 
     @property
     def degenerate_directions(self) -> tuple[DirectionObservability, ...]:
-        """The directions that the scans leave open, see `DirectionObservability.is_degenerate`."""
+        """The directions that the overlapping geometry does not constrain."""
         return tuple(one for one in self.directions if one.is_degenerate)
 
     def as_dict(self) -> dict[str, Any]:
@@ -171,7 +171,7 @@ class RegistrationResult:
                 }
                 for one in self.directions
             ],
-            "iterations": self.iterations,
+            "evaluations": self.evaluations,
             "timings_s": dict(self.timings),
             "notes": list(self.notes),
             "covariance": None if self.covariance is None else self.covariance.as_dict(),
@@ -198,7 +198,7 @@ class RegistrationResult:
             f"Registration(status={self.status.value}, method={self.method}, "
             f"moved={metres:.3f} m {degrees:.2f} deg, "
             f"probability={self.probability:.3f}, overlap={self.overlap:.2f}, "
-            f"score={self.score:.2f}, iterations={self.iterations}, "
+            f"score={self.score:.2f}, evaluations={self.evaluations}, "
             f"total={1e3 * self.timings.get('total', math.nan):.1f} ms)"
         )
 
@@ -209,8 +209,8 @@ class RegistrationResult:
         return html_table(self._rows())
 
     def _motion(self) -> tuple[float, float]:
-        """Return how far the source's place moves [m], and how far it turns [deg]."""
-        shift = self.origins.shift(self.target_from_source, self.origins.place)
+        """Return the shift of the reference point [m] and the rotation angle [deg]."""
+        shift = self.origins.shift(self.target_from_source, self.origins.reference_point)
         return math.hypot(*shift), math.degrees(rotation_angle(self.target_from_source.rotation))
 
     def _rows(self) -> Rows:
@@ -219,7 +219,7 @@ class RegistrationResult:
         return [
             ("status", f"{self.status.value}: {self.reason}"),
             ("probability", f"{self.probability:.3f} that the pose is right"),
-            ("method", f"{self.method}, {self.iterations} evaluations"),
+            ("method", f"{self.method}, {self.evaluations} evaluations"),
             ("moved", f"{metres:.3f} m{at}, {degrees:.3f} deg"),
             *metric_rows(self.metrics),
             *direction_rows(self.degenerate_directions),

@@ -1,8 +1,11 @@
+import math
+
 import numpy as np
 import pytest
 
 from reference.samples import street, yaw_pose
 from scanlock.errors import InvalidInput
+from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.register import register
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 from scanlock.registration.verification.status import Status
@@ -29,23 +32,26 @@ def test_the_default_method_has_a_name(scan):
         ("identity", "must hold real numbers"),
     ],
 )
-def test_an_initial_pose_that_is_none_is_refused(scan, initial, message):
+def test_an_invalid_initial_pose_is_refused(scan, initial, message):
     with pytest.raises(InvalidInput, match=message):
         register(source=scan, target=scan, initial=initial)
 
 
-def test_an_initial_pose_with_few_digits_is_mended_and_noted(scan):
+def test_an_initial_pose_with_few_digits_is_corrected_and_noted(scan):
     exact = yaw_pose(0.3, (0.1, 0.2, 0.0)).matrix
     notes = {
-        digits: [note for note in register(source=scan, target=scan, initial=exact.round(digits)).notes
-                 if note.startswith("initial")]
+        digits: _initial_notes(register(source=scan, target=scan, initial=exact.round(digits)))
         for digits in (3, 12)
-    }  # fmt: skip
+    }
     assert not notes[12]
     [note] = notes[3]
     defect = float(note.split(" was ")[1].split()[0])
     assert 1e-5 < defect < 1e-3
-    assert not any(note.startswith("initial") for note in register(source=scan, target=scan).notes)
+    assert not _initial_notes(register(source=scan, target=scan))
+
+
+def _initial_notes(result):
+    return [note for note in result.notes if note.startswith("initial")]
 
 
 def test_source_and_target_are_never_confused(scan):
@@ -56,14 +62,14 @@ def test_source_and_target_are_never_confused(scan):
     assert np.median(np.linalg.norm(moved - scan, axis=1)) < 0.1
 
 
-def test_a_scan_of_too_few_parts_is_named_in_the_reason(scan):
+def test_the_reason_names_the_scan_with_too_few_gaussians(scan):
     few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])
     result = register(source=few, target=scan)
     assert result.status is Status.NO_CORRESPONDENCES
-    assert result.reason.startswith("the source holds 2 parts")
+    assert result.reason.startswith("the source has 2 Gaussians")
 
 
-def test_settings_of_ones_own_go_by_the_name_of_their_class(scan):
+def test_settings_are_named_after_their_class(scan):
     class Standing(type(METHODS[DEFAULT_METHOD])):
         """The default method under another name."""
 
@@ -79,3 +85,49 @@ def test_a_clock_adds_up_what_is_spent_under_a_name():
     with pytest.raises(ZeroDivisionError), clock.stage("one"):
         _ = 1 / 0
     assert clock.seconds["one"] > first > 0.0
+
+
+def test_source_and_target_are_keyword_only(scan):
+    with pytest.raises(TypeError, match="positional"):
+        register(scan, scan)
+
+
+def test_without_verification_the_pose_is_unverified(scan):
+    result = register(source=scan, target=scan, method="gicp", verify=False)
+    assert result.status is Status.UNVERIFIED
+    assert result.converged
+    assert not result
+    assert math.isnan(result.probability)
+    assert not {"features", "verification"} & set(result.timings)
+    checked = register(source=scan, target=scan, method="gicp")
+    assert checked.target_from_source == result.target_from_source
+
+
+def test_without_verification_a_scan_without_clusters_can_be_registered():
+    rng = np.random.default_rng(0)
+    plane = np.column_stack([rng.uniform(-5.0, 5.0, (400, 2)), 0.3 * rng.normal(size=400)])
+    result = register(source=plane, target=plane, method="icp", verify=False)
+    assert result.status is Status.UNVERIFIED
+
+
+@pytest.mark.parametrize(
+    ("method", "message"),
+    [
+        ("gcip", "did you mean 'gicp'"),
+        (Gicp, r"write Gicp\(\)"),
+        (3, "int without prepare and align"),
+    ],
+)
+def test_an_unknown_method_is_refused_with_a_remedy(scan, method, message):
+    with pytest.raises(InvalidInput, match=message):
+        register(source=scan, target=scan, method=method)
+
+
+def test_method_names_ignore_case(scan):
+    assert register(source=scan, target=scan, method="GICP", verify=False).method == "gicp"
+
+
+def test_the_hessian_is_that_of_the_objective_at_the_pose(scan):
+    result = register(source=scan, target=scan, method="gicp", verify=False)
+    np.testing.assert_allclose(result.hessian, result.hessian.T)
+    assert np.linalg.eigvalsh(result.hessian)[0] > 0.0

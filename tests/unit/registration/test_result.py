@@ -20,31 +20,42 @@ _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 def _result(status=Status.OK, **metrics):
     history = (Iteration(-0.5, 0.1, 0.0, True, Pose.identity()),)
     timings = {"align": 0.25, "total": 0.5}
-    weak = DirectionObservability("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
-    firm = DirectionObservability("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
-    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "surface_overlap": 0.6}
+    degenerate = DirectionObservability("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
+    constrained = DirectionObservability("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
+    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "fitness": 0.6}
     known = Metrics(**{**seen, "score": 0.8, **metrics})
     return RegistrationResult(
-        _POSE, status, "because", "a-method", known, 0.75, (weak, firm), history, timings,
-        ("a note",),
-    )  # fmt: skip
+        target_from_source=_POSE,
+        status=status,
+        reason="because",
+        method="a-method",
+        metrics=known,
+        probability=0.75,
+        directions=(degenerate, constrained),
+        converged=True,
+        hessian=np.eye(6),
+        history=history,
+        timings=timings,
+        notes=("a note",),
+    )
 
 
 @pytest.mark.parametrize("status", Status)
 def test_only_ok_is_ok(status):
     assert _result(status).ok == (status is Status.OK)
+    assert bool(_result(status)) == _result(status).ok
 
 
 def test_json_keeps_every_digit():
     plain = json.loads(_result().to_json())
     assert plain == _result().as_dict()
     assert plain["status"] == "ok"
-    assert plain["iterations"] == 1
+    assert plain["evaluations"] == 1
     assert plain["timings_s"] == {"align": 0.25, "total": 0.5}
     np.testing.assert_array_equal(plain["target_from_source"], _POSE.matrix)
 
 
-def test_what_is_unknown_is_null_in_json():
+def test_nan_is_null_in_json():
     result = _result(Status.NO_CORRESPONDENCES, overlap=math.nan)
     metrics = json.loads(result.to_json())["metrics"]
     assert metrics["overlap"] is None
@@ -64,9 +75,10 @@ def test_a_pickle_holds_the_same_result():
     again = pickle.loads(pickle.dumps(_result()))
     assert again.as_dict() == _result().as_dict()
     assert again.history[0].pose == Pose.identity()
+    np.testing.assert_array_equal(again.hessian, np.eye(6))
 
 
-def test_the_repr_is_one_line_with_the_motion_and_the_verdict():
+def test_the_repr_is_one_line_with_motion_and_status():
     text = repr(_result())
     assert "\n" not in text
     for part in ("status=ok", "a-method", "5.000 m 30.00 deg", "overlap=0.90", "500.0 ms"):
@@ -74,19 +86,21 @@ def test_the_repr_is_one_line_with_the_motion_and_the_verdict():
     assert "nan" in repr(_result(Status.NO_CORRESPONDENCES, overlap=math.nan))
 
 
-def test_the_shortcuts_are_the_metrics():
+def test_properties_repeat_the_metrics():
     result = _result(runner_up_ratio=0.4)
     assert (result.overlap, result.score, result.runner_up_ratio) == (0.9, 0.8, 0.4)
+    assert (result.fitness, result.inlier_rmse) == (0.6, 0.05)
+    np.testing.assert_array_equal(result.transformation, _POSE.matrix)
 
 
-def test_only_directions_that_nothing_holds_are_weak():
-    (weak,) = _result().degenerate_directions
-    assert weak.name == "forward"
-    assert [one["is_weak"] for one in _result().as_dict()["directions"]] == [True, False]
+def test_only_unconstrained_directions_are_degenerate():
+    (degenerate,) = _result().degenerate_directions
+    assert degenerate.name == "forward"
+    assert [one["is_degenerate"] for one in _result().as_dict()["directions"]] == [True, False]
 
 
 @pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
-def test_people_read_a_small_table(shown):
+def test_str_and_html_show_a_small_table(shown):
     text = shown(_result(Status.DEGENERATE, violation=math.nan))
     for part in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
         assert part in text
@@ -94,7 +108,7 @@ def test_people_read_a_small_table(shown):
     assert "nan" not in text
 
 
-def test_a_table_for_notebooks_escapes_what_is_not_its_own():
+def test_the_notebook_table_escapes_html():
     result = replace(_result(), reason="a < b & c")
     assert "a &lt; b &amp; c" in result._repr_html_()
     assert "a < b & c" in str(result)

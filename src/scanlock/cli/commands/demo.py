@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from scanlock.simulation import SimulatedPair
 
 _BASELINE = (14.0, 18.0)
-"""How far apart along the street the two scans are [m]; the scene looks anywhere."""
+"""Distance between the scans along the street [m]; the heading of the source is random."""
 
 
 def demo(
@@ -20,19 +20,19 @@ def demo(
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-demo"),
     seed: int = 1,
 ) -> int:
-    """Register two simulated 64-beam scans of a street, no start given, beside the exact pose.
+    """Register two simulated 64-beam scans of a street without an initial pose.
 
     Parameters
     ----------
     output : Path
-        Folder for the two scans, the poses and the picture.
+        Folder for the scans, poses and picture.
     seed : int
-        Decides the street and the places; any whole number from 0.
+        Seed of the street and the sensor poses; any whole number from 0.
 
     Returns
     -------
     int
-        The exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted.
+        The exit code: 0 if the pose is verified, 2 if it is not.
     """
     import numpy as np
 
@@ -54,31 +54,31 @@ def demo(
     metres = float(np.linalg.norm(pair.target_from_source.translation))
     show_registration(
         result,
-        f"simulated HDL-64E, street, {len(pair.target):,} points",
-        f"the same {metres:.0f} m on, turned, {len(pair.source):,} points",
+        f"simulated HDL-64E, {metres:.0f} m further on and turned, {len(pair.source):,} points",
+        f"simulated HDL-64E in a street, {len(pair.target):,} points",
         first_stage=("simulate", made),
         compiled=watch.compiled,
         truth=pair.target_from_source,
     )
     for line in wrote:
         print_line(line)
-    files = f"{output / 'reference.ply'} {output / 'scene.ply'}"
-    print_line(f"now the same from files: scanlock register {files}")
+    files = f"{output / 'source.ply'} {output / 'target.ply'}"
+    print_line(f"the same from files: scanlock register {files}")
     return 0 if result.ok else 2
 
 
 def _write(folder: Path, pair: "SimulatedPair", result: "RegistrationResult") -> list[str]:
-    """Write what the demo is about and return what to say of it."""
+    """Write scans, poses and picture, and return the lines to print."""
     from scanlock.errors import MissingExtra
     from scanlock.io import write_pose, write_scan
     from scanlock.report.canvas import require_figures, save_figure
     from scanlock.report.registration_figure import registration_figure
 
-    for name, scan in (("reference", pair.target), ("scene", pair.source)):
+    for name, scan in (("source", pair.source), ("target", pair.target)):
         write_scan(folder / f"{name}.ply", scan.points)
     write_pose(folder / "pose.txt", result.target_from_source)
     write_pose(folder / "exact_pose.txt", pair.target_from_source)
-    names = "reference.ply, scene.ply, pose.txt, exact_pose.txt"
+    names = "source.ply, target.ply, pose.txt, exact_pose.txt"
     try:
         require_figures()
     except MissingExtra as missing:

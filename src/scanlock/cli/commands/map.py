@@ -248,7 +248,7 @@ def _row(
         f"{found.score:.6f}",
         f"{metres:.6f}",
         f"{math.degrees(radians):.6f}",
-        found.iterations,
+        found.evaluations,
         found.reason,
     )
 

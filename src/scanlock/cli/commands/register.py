@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 def register(
-    reference: Path,
-    scene: Path,
+    source: Path,
+    target: Path,
     /,
     *,
     method: MethodName | None = None,
@@ -37,45 +37,45 @@ def register(
     verbose: Annotated[Flag, Parameter(name=["--verbose", "-v"])] = False,
     reading: Reading | None = None,
 ) -> int:
-    """Find the pose that carries the scene onto the reference, and whether to trust it.
+    """Estimate the pose that maps the source onto the target, and verify it.
 
     Parameters
     ----------
-    reference : Path
-        The scan that stays.
-    scene : Path
+    source : Path
         The scan that moves.
+    target : Path
+        The scan that stays.
     method : str
-        How to register; auto by default.
+        Registration method; auto by default.
     settings : Path
-        A method with settings of your own: TOML as scanlock settings prints it.
+        A method with your own settings: TOML as printed by scanlock settings.
     initial : Path
-        Pose to start from (4x4 matrix in text, .json or .npy); no motion by default.
+        Initial pose, target from source (4x4 matrix in text, .json or .npy).
     dof : str
-        What may change of the initial pose: everything, or less for levelled scanners
-        (xyz+yaw) and a flat world (xy+yaw).
+        Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
+        motion (xy+yaw). The others keep the initial pose.
     prior : tuple of float
-        How sure the initial pose is: standard deviations in metres and in degrees.
-    hold_weak : bool
-        Leave what the scans do not hold, such as the way along a corridor, as in the initial pose.
+        Standard deviations of the initial pose in metres and degrees.
+    fix_degenerate : bool
+        Keep degenerate directions, such as along a corridor, as in the initial pose.
     covariance : str
-        Also tell how sure the pose is: by the scatter of independent parts (sandwich), by the
-        curvature alone (hessian), or by twelve registrations more (sampled).
+        Estimate the covariance of the pose: from the scatter between blocks of the scene
+        (sandwich), from the curvature alone (hessian), or from twelve more registrations (sampled).
     threads : int
-        How many threads may share the work; the result does not depend on it.
+        Maximum number of threads; the result does not depend on it.
     output : Path
-        Where to write the pose: .txt or .npy (4x4 matrix), or .json (whole result).
+        File for the pose: .txt or .npy (4x4 matrix), or .json (whole result).
     picture : Path
-        Where to draw both scans before and after: .png, .pdf or .svg.
+        File for a picture of both scans before and after: .png, .pdf or .svg.
     json : bool
         Print the whole result as JSON, and nothing else.
     verbose : bool
-        Also show every step of the solver.
+        Also print metrics, times and every step of the solver.
 
     Returns
     -------
     int
-        The exit code: 0 for a pose to use unseen, 2 for one that is not to be trusted.
+        The exit code: 0 if the pose is verified, 2 if it is not.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_json, print_line
@@ -92,42 +92,43 @@ def register(
 
     if output is not None:
         require_ending(output, POSE_ENDINGS, "the pose file")
-        require_apart(output, (reference, scene))
+        require_apart(output, (source, target))
     if picture is not None:
         require_picture(picture)
     begin = time.perf_counter()
     chosen = chosen_method(method, settings)
     given, start = (None, None) if initial is None else _read_initial(initial)
-    belief = None if prior is None else _belief(start, *prior)
-    target, source = ((reading or Reading()).load(path) for path in (reference, scene))
+    gaussian = None if prior is None else _prior(start, *prior)
+    moving, fixed = ((reading or Reading()).load(path) for path in (source, target))
     read_time = time.perf_counter() - begin
     with compile_watch() as watch:
         result = registered(
-            source=source.returns,
-            target=target.returns,
+            source=moving.returns,
+            target=fixed.returns,
             method=chosen,
-            # Not as mended, so that the result can tell of it.
+            # Uncorrected, so that a note of the result reports the correction.
             initial=given,
             dof=dof,
-            prior=belief,
+            prior=gaussian,
             fix_degenerate=fix_degenerate,
             covariance=covariance,
             threads=threads,
         )
-    content = _content(result, target, source, read_time, verbose)
+    content = _content(result, moving, fixed, read_time, verbose)
     if output is not None:
         save_pose(output, result.target_from_source, content)
     if picture is not None:
-        _draw(picture, target, source, result, start)
+        _draw(picture, moving, fixed, result, start)
     if json:
         print_json(content)
         return 0 if result.ok else 2
     show_registration(
         result,
-        target.summary(),
-        source.summary(),
+        moving.summary(),
+        fixed.summary(),
         first_stage=("read", read_time),
         compiled=watch.compiled,
+        verbose=verbose,
     )
     if verbose:
         show_history(result)
@@ -138,7 +139,7 @@ def register(
 
 
 def _read_initial(path: Path) -> "tuple[Matrix, Pose]":
-    """Return the matrix of the pose to start from, and the pose; its rotation may need mending."""
+    """Return the matrix of the initial pose as it is in the file, and the pose."""
     from scanlock.geometry.pose import Pose
     from scanlock.io import read_pose_matrix
 
@@ -146,7 +147,7 @@ def _read_initial(path: Path) -> "tuple[Matrix, Pose]":
     return matrix, Pose.from_matrix(matrix)
 
 
-def _belief(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
+def _prior(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
     from scanlock.geometry.pose import Pose
     from scanlock.optimisation.objectives.constraints import PosePrior
 
@@ -157,16 +158,16 @@ def _belief(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
 
 def _content(
     result: "RegistrationResult",
-    target: LoadedScan,
     source: LoadedScan,
+    target: LoadedScan,
     read_time: float,
     verbose: bool,
 ) -> dict[str, Any]:
     from scanlock.cli.results import history_content
 
     content = {
-        "reference": str(target.path),
-        "scene": str(source.path),
+        "source": str(source.path),
+        "target": str(target.path),
         **result.as_dict(),
         "read_s": read_time,
     }
@@ -175,8 +176,8 @@ def _content(
 
 def _draw(
     path: Path,
-    target: LoadedScan,
     source: LoadedScan,
+    target: LoadedScan,
     result: "RegistrationResult",
     start: "Pose | None",
 ) -> None:
