@@ -38,7 +38,7 @@ def demo(tmp_path_factory):
 def test_the_demo_registers_a_street_and_draws_it(demo):
     folder, done = demo
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("ok  scene onto reference\n")
+    assert done.stdout.startswith("ok  source onto target\n")
     metres, radians = read_pose(folder / "pose.txt").distance(read_pose(folder / "exact_pose.txt"))
     assert metres < 0.1
     assert np.degrees(radians) < 0.3
@@ -50,7 +50,7 @@ def test_the_demo_registers_a_street_and_draws_it(demo):
 def test_its_files_give_the_same_pose_again(demo):
     folder, _ = demo
     done = _scanlock(
-        "register", folder / "reference.ply", folder / "scene.ply", "--json", "-o",
+        "register", folder / "source.ply", folder / "target.ply", "--json", "-o",
         folder / "again.json",
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")
@@ -63,11 +63,11 @@ def test_its_files_give_the_same_pose_again(demo):
 
 def test_its_scan_can_be_described_and_segmented(demo):
     folder, _ = demo
-    about = json.loads(_scanlock("info", folder / "scene.ply", "--json").stdout)
-    done = _scanlock("segment", folder / "scene.ply", "-o", folder / "labels.npy")
+    about = json.loads(_scanlock("info", folder / "source.ply", "--json").stdout)
+    done = _scanlock("segment", folder / "source.ply", "-o", folder / "labels.npy")
     assert (done.returncode, done.stderr) == (0, "")
     labels = read_labels(folder / "labels.npy", count=about["points"])
-    assert about["points"] == len(read_scan(folder / "scene.ply"))
+    assert about["points"] == len(read_scan(folder / "source.ply"))
     assert labels.max() > 50
     assert 0.2 < (labels == 0).mean() < 0.9
 
@@ -77,12 +77,12 @@ def test_scans_of_different_places_exit_with_2_and_a_wrong_file_with_1(demo, tmp
     rng = np.random.default_rng(0)
     posts = rng.uniform(-30.0, 30.0, (12, 1, 3)) * [1.0, 1.0, 0.0]
     np.save(tmp_path / "posts.npy", (posts + rng.uniform(0.0, 2.0, (12, 200, 3))).reshape(-1, 3))
-    done = _scanlock("register", folder / "reference.ply", tmp_path / "posts.npy")
+    done = _scanlock("register", tmp_path / "posts.npy", folder / "target.ply")
     assert (done.returncode, done.stderr) == (2, "")
     assert not done.stdout.startswith("ok")
-    done = _scanlock("register", folder / "reference.ply", folder / "scenes.ply")
+    done = _scanlock("register", folder / "sources.ply", folder / "target.ply")
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.endswith("; did you mean scene.ply?\n")
+    assert done.stderr.endswith("; did you mean source.ply?\n")
 
 
 @pytest.mark.data

@@ -1,4 +1,4 @@
-"""Whether kernels are being compiled, and the notice for those who wait at a terminal."""
+"""Detection of kernel compilation, with a notice at a terminal."""
 
 import sys
 from collections.abc import Generator
@@ -7,22 +7,21 @@ from typing import Any
 
 
 class CompileWatch:
-    """Notices that a kernel is compiled rather than found on disk, and says so once.
+    """Detects that a kernel is compiled rather than loaded from disk, and prints a notice once.
 
     Attributes
     ----------
     compiled : bool
-        Whether it has happened.
+        Whether a kernel was compiled.
     """
 
     def __init__(self) -> None:
         self.compiled = False
 
     def on_start(self, event: Any) -> None:
-        """Take note of a compilation that begins."""
+        """Record the start of a compilation."""
         if not self.compiled and sys.stderr.isatty():
-            # Not by a console of its own: a spinner, if one turns, hands this on to the line
-            # above its own.
+            # Written directly: a running spinner moves this to the line above its own.
             sys.stderr.write(
                 "compiling for the first use, for up to half a minute; later runs start at once\n"
             )
@@ -31,7 +30,7 @@ class CompileWatch:
 
 @contextmanager
 def compile_watch() -> Generator[CompileWatch]:
-    """Watch for compilation inside the ``with`` block; on a terminal, stderr tells of it."""
+    """Detect compilation during the ``with`` block, with a notice on stderr at a terminal."""
     from numba.core import event
 
     watch = CompileWatch()

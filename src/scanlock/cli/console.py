@@ -1,4 +1,4 @@
-"""What is printed, and where: facts and tables for people at a terminal or in a pipe, or JSON."""
+"""Printing: facts and tables as text, or JSON."""
 
 import json
 import sys
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
 
 _Item = TypeVar("_Item")
 
-_WIDEST = 100
-"""Longer lines are tiring to read, however wide the terminal."""
+_MAX_WIDTH = 100
+"""Maximum width of wrapped text, however wide the terminal."""
 
 _INDENT = "  "
 
 Facts = list[tuple[str, str]]
-"""Names and values, one fact a row; a value may have several lines."""
+"""Names and values; a value may have several lines."""
 
 
 def screen(stream: Literal["stdout", "stderr"] = "stdout") -> "Console":
-    """Return a console that colours terminals only, and not even those under NO_COLOR.
+    """Return a console that colours terminals only, unless NO_COLOR is set.
 
-    Brackets and numbers are printed as they are: paths are full of them.
+    Brackets and numbers are printed as they are, since paths contain them.
     """
     from rich.console import Console
 
@@ -38,24 +38,24 @@ def screen(stream: Literal["stdout", "stderr"] = "stdout") -> "Console":
 
 
 def print_status(status: str, text: str, *, good: bool) -> None:
-    """Print a status in colour and what it is about."""
+    """Print a status in colour, with its subject."""
     from rich.text import Text
 
     screen().print(Text.assemble((status, "bold green" if good else "bold red"), _INDENT, text))
 
 
 def print_title(text: str) -> None:
-    """Print what the facts below it are about."""
+    """Print a title in bold."""
     screen().print(text, style="bold")
 
 
 def print_facts(facts: Facts) -> None:
-    """Print names and values in two columns, wrapped between words to the width there is."""
+    """Print names and values in two columns, wrapped at words."""
     from rich.text import Text
 
     out = screen()
     column = max(len(name) for name, _ in facts)
-    room = min(out.width, _WIDEST) - column - 2 * len(_INDENT)
+    room = min(out.width, _MAX_WIDTH) - column - 2 * len(_INDENT)
     for name, value in facts:
         for line in _wrapped(value, room):
             out.print(Text.assemble(_INDENT, (f"{name:{column}}", "bold"), _INDENT, line))
@@ -63,7 +63,7 @@ def print_facts(facts: Facts) -> None:
 
 
 def print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print columns of numbers, aligned to the right under their heads."""
+    """Print right-aligned columns under their headings."""
     from rich.text import Text
 
     table = [heads, *rows]
@@ -75,7 +75,7 @@ def print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 
 def print_line(text: str) -> None:
-    """Print one line, never broken: it may hold a path to copy."""
+    """Print one line without wrapping, since it may contain a path to copy."""
     screen().print(text)
 
 
@@ -86,7 +86,7 @@ def print_json(content: Mapping[str, Any]) -> None:
 
 @contextmanager
 def waiting(text: str) -> Generator[None]:
-    """Show at a terminal, on stderr, what is being waited for; nothing remains of it."""
+    """Show a spinner on stderr at a terminal, removed at the end."""
     console = screen("stderr")
     if not console.is_terminal:
         yield
@@ -96,7 +96,7 @@ def waiting(text: str) -> Generator[None]:
 
 
 def counting(items: Sequence[_Item], unit: str) -> Iterator[_Item]:
-    """Yield items while a bar at a terminal, on stderr, shows how many are done."""
+    """Yield items with a progress bar on stderr at a terminal."""
     from rich.progress import track
 
     console = screen("stderr")

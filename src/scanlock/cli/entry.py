@@ -1,4 +1,4 @@
-"""Where the command line begins and ends, whatever interrupts it."""
+"""Entry point of the command line."""
 
 from collections.abc import Sequence
 
@@ -11,18 +11,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        What follows the name of the program; ``sys.argv`` by default.
+        Arguments after the program name; ``sys.argv`` by default.
 
     Returns
     -------
     int
-        0 done; 1 wrong arguments or files, told in one line on stderr; 2 a registration that is
-        not to be trusted; 130 interrupted, 143 asked to end, 129 left by its terminal; 141 the
-        reader of the output went away.
+        0 success; 1 wrong arguments or files, with one line on stderr; 2 a pose that is not
+        verified; 130 SIGINT, 143 SIGTERM, 129 SIGHUP; 141 closed output pipe.
     """
     try:
         with interrupts_raised():
-            # Imported here, since even that takes long enough to be interrupted.
+            # Imported here, since the import takes long enough to be interrupted.
             from scanlock.cli.app import run
 
             return run(arguments)

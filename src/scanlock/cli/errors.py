@@ -1,4 +1,4 @@
-"""Errors as one clear line on stderr, with what to do about it."""
+"""Errors as one line on stderr, with a remedy."""
 
 import difflib
 import os
@@ -18,13 +18,13 @@ def complain(message: str) -> None:
 
 
 def usage_fault(error: CycloptsError) -> str:
-    """Return what is wrong with the arguments, and which help to ask for."""
+    """Return the message of a usage error, with the help command."""
     command = " ".join(["scanlock", *(error.command_chain or ())])
     return f"{_joined(str(error)).rstrip('.')}; see `{command} --help`"
 
 
 def one_line(error: Exception) -> str:
-    """Return the message of an expected error without its technicalities."""
+    """Return the message of an expected error in one line."""
     if not isinstance(error, OSError) or error.strerror is None:
         return _joined(str(error))
     text = error.strerror[:1].lower() + error.strerror[1:]
@@ -35,7 +35,7 @@ def one_line(error: Exception) -> str:
 
 
 def nearest(word: str, choices: Sequence[str]) -> str:
-    """Return ``"; did you mean X?"`` for the choice that a word most resembles, or nothing."""
+    """Return ``"; did you mean X?"`` for the closest choice, or an empty string."""
     found = difflib.get_close_matches(word, choices, n=1)
     return f"; did you mean {found[0]}?" if found else ""
 
@@ -44,7 +44,7 @@ def _remedy(error: OSError, path: str) -> str:
     if isinstance(error, FileNotFoundError):
         return nearest(Path(path).name, _neighbours(path))
     if isinstance(error, PermissionError):
-        return "; check who may read or write there"
+        return "; check its permissions"
     return ""
 
 

@@ -1,7 +1,7 @@
-"""Interrupts: Ctrl-C, a request to end, a terminal that closes; all must leave files whole.
+"""Interrupts: Ctrl-C, SIGTERM and SIGHUP as exceptions, so that files stay complete.
 
-Python turns only the first into an exception; the others would end the process on the spot, with
-temporary files left behind and the work of hours not written.
+Python raises an exception for the first only; the others would end the process at once, leave
+temporary files behind and lose the results so far.
 """
 
 import signal
@@ -17,12 +17,12 @@ _REQUESTS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(
 
 
 class Interrupted(KeyboardInterrupt):
-    """The process was asked to end.
+    """The process received a signal to end.
 
     Attributes
     ----------
     number : int
-        The signal that asked.
+        The signal.
     """
 
     def __init__(self, number: int) -> None:
@@ -31,15 +31,15 @@ class Interrupted(KeyboardInterrupt):
 
 
 def exit_code(interrupt: KeyboardInterrupt) -> int:
-    """Return 128 and the number of the signal, as shells have it."""
+    """Return 128 plus the number of the signal, as in shells."""
     return 128 + (interrupt.number if isinstance(interrupt, Interrupted) else signal.SIGINT)
 
 
 @contextmanager
 def interrupts_raised() -> Generator[None]:
-    """Raise `KeyboardInterrupt`, or `Interrupted`, when the process is to end in the block.
+    """Raise `KeyboardInterrupt` or `Interrupted` on a signal during the ``with`` block.
 
-    A request that is ignored, as nohup has it, or that others handle already stays so.
+    Signals that are ignored (nohup) or handled by others are left alone.
     """
     taken = [number for number in _REQUESTS if _handler(number) == signal.SIG_DFL]
     for number in taken:
@@ -53,15 +53,12 @@ def interrupts_raised() -> Generator[None]:
 
 
 @contextmanager
-def undisturbed() -> Generator[None]:
-    """Put an interrupt off until the ``with`` block is done; a second one breaks it at once.
-
-    For what belongs together, and for what is written last: whoever loses patience gets out.
-    """
+def interrupt_delayed() -> Generator[None]:
+    """Delay an interrupt to the end of the ``with`` block; a second one is raised at once."""
     waiting: list[int] = []
     handlers = {number: _handler(number) for number in (signal.SIGINT, *_REQUESTS)}
 
-    def put_off(number: int, frame: FrameType | None) -> None:
+    def delay(number: int, frame: FrameType | None) -> None:
         handler = handlers[number]
         if waiting and callable(handler):
             handler(number, frame)
@@ -70,7 +67,7 @@ def undisturbed() -> Generator[None]:
     replaced = {number: handler for number, handler in handlers.items() if callable(handler)}
     try:
         for number in replaced:
-            signal.signal(number, put_off)
+            signal.signal(number, delay)
         yield
     finally:
         for number, handler in replaced.items():
@@ -80,10 +77,10 @@ def undisturbed() -> Generator[None]:
 
 
 @contextmanager
-def out_of_reach() -> Generator[None]:
-    """Let processes that are started in the ``with`` block ignore Ctrl-C; their parent ends them.
+def children_ignore_interrupts() -> Generator[None]:
+    """Let processes started in the ``with`` block ignore Ctrl-C; their parent ends them.
 
-    A terminal sends it to them all, and each would print a traceback.
+    A terminal sends the signal to all of them, and each would print a traceback.
     """
     handler = _handler(signal.SIGINT)
     if not callable(handler):
@@ -97,7 +94,7 @@ def out_of_reach() -> Generator[None]:
 
 
 def _handler(number: int) -> object:
-    """Return what a signal does; None outside the main thread, which alone may change it."""
+    """Return the handler of a signal; None outside the main thread."""
     is_main = threading.current_thread() is threading.main_thread()
     return signal.getsignal(number) if is_main else None
 

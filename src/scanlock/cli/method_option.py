@@ -1,4 +1,4 @@
-"""The method of a command: by its name, or with settings from a file."""
+"""The method option of a command: a name, or a settings file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def chosen_method(name: MethodName | None, settings: Path | None) -> "str | Method[Any]":
-    """Return the default method, the one of this name, or the one that a file of settings holds.
+    """Return the method of a name or a settings file, else the default.
 
     Raises
     ------
@@ -24,5 +24,5 @@ def chosen_method(name: MethodName | None, settings: Path | None) -> "str | Meth
     if settings is None:
         return name or DEFAULT_METHOD
     if name is not None:
-        raise InvalidInput("give either --method or --settings: the settings name their method")
+        raise InvalidInput("give either --method or --settings: the settings file names its method")
     return read_settings(settings)

@@ -1,4 +1,4 @@
-"""Methods side by side on the screen, with the times that files leave out."""
+"""Printed table of methods, with their times."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,18 +18,18 @@ def show_errors(
     *,
     voxels: Mapping[str, int] | None = None,
 ) -> None:
-    """Print a row a method: how many pairs it solved, how near, how crisp, and how fast.
+    """Print one row per method: solved pairs, errors, filled voxels and times.
 
     Parameters
     ----------
     records : mapping of str to sequence of StudyRecord
         By method.
     limits : Limits
-        What counts as solved.
+        Errors below which a pair is solved.
     voxels : mapping of str to int, optional
-        Filled voxels of the map of each method.
+        Filled voxels of the map, by method.
     """
-    heads = ["method", "called ok", "solved", "median [m]", "median [deg]", "ms a pair"]
+    heads = ["method", "ok", "solved", "median [m]", "median [deg]", "ms per pair"]
     rows = [[name, *_row(found, limits)] for name, found in records.items()]
     if voxels is not None:
         heads.insert(-1, "voxels")

@@ -1,7 +1,7 @@
-"""The types of options that several commands have.
+"""Option types that several commands share.
 
-The names repeat the keys of the dictionaries they come from, because importing those would make
-help wait for Numba; a test holds the two together.
+The names repeat the keys of their dictionaries, because importing those would load Numba before
+help is printed. A test compares the two.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]
 ScannerName = Literal[SensorName, "facet-ladar"]
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]
-"""An option that is off unless it is given."""
+"""An option that is off by default."""
 
 OutputFile = Annotated[Path | None, Parameter(name=["--output", "-o"])]
-"""A file to write, if wanted."""
+"""An optional output file."""

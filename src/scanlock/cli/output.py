@@ -1,4 +1,4 @@
-"""Where results go: endings checked before the work, folders made, files whole or not at all."""
+"""Output files: check names before the work, create folders, write atomically."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 POSE_ENDINGS = (".txt", ".json", ".npy")
 
 _EACH_UP_TO = 200
-"""So many rows take about 10 ms to write: less than it takes to find one of them."""
+"""Number of rows up to which a table is rewritten after each; that takes about 10 ms."""
 
 
 def require_ending(path: Path, endings: Sequence[str], what: str) -> None:
-    """Raise `InvalidInput` unless a file's name ends as one of these; says which comes nearest."""
+    """Raise `InvalidInput` unless a file name has one of the endings."""
     suffix = path.suffix.lower()
     if suffix in endings:
         return
@@ -27,7 +27,7 @@ def require_ending(path: Path, endings: Sequence[str], what: str) -> None:
 
 
 def require_picture(path: Path) -> None:
-    """Raise unless a picture can be drawn into a file of this name, before the work is done."""
+    """Raise unless a picture can be written under this name."""
     from scanlock.report.canvas import FIGURE_ENDINGS, require_figures
 
     require_ending(path, FIGURE_ENDINGS, "the picture")
@@ -35,30 +35,32 @@ def require_picture(path: Path) -> None:
 
 
 def require_apart(path: Path, inputs: Sequence[Path]) -> None:
-    """Raise `InvalidInput` if a file to write is one that is read: scans are hard to replace."""
+    """Raise `InvalidInput` if an output file is one of the input files."""
     for other in inputs:
         if path.exists() and other.exists() and path.samefile(other):
-            raise InvalidInput(f"{path} is what is read and would be lost; name another file")
+            raise InvalidInput(
+                f"{path} is an input file and would be overwritten; use another name"
+            )
 
 
 def make_room(path: Path) -> None:
-    """Create the folder that a file goes into."""
+    """Create the folder of a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
 
 
-def is_worth_keeping(count: int) -> bool:
-    """Tell whether rows that grow by one at a time are to be written anew at so many of them.
+def is_due(count: int) -> bool:
+    """Return whether to rewrite a growing table at this number of rows.
 
-    After each of the first 200, and then at every further half per cent, so that the work of
-    writing grows no faster than the rows do; a kill costs no more than the last of these.
+    After each of the first 200 rows, then after every further 0.5 %, so that the total work stays
+    proportional to the number of rows. A kill loses at most those rows.
     """
     return count % (1 + count // _EACH_UP_TO) == 0
 
 
 def save_pose(path: Path, pose: "Pose", result: Mapping[str, Any]) -> None:
-    """Write a pose as the ending says: the 4x4 matrix in text or NumPy's format, or all as JSON.
+    """Write a pose by the ending: the 4x4 matrix as text or .npy, or the whole result as JSON.
 
-    Every number keeps all its digits; the three can be read back as an initial pose.
+    Numbers keep all digits. Each format can be read back as an initial pose.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""A bar at the terminal for work of a known length that hands out its results one by one."""
+"""Progress bar for work of known length that yields its results one by one."""
 
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
@@ -9,7 +9,7 @@ _Item = TypeVar("_Item")
 
 
 def progress(items: Iterable[_Item], count: int, what: str, /) -> Iterator[_Item]:
-    """Yield items while a bar at a terminal, on stderr, shows how many of `count` are done."""
+    """Yield items with a progress bar of `count` steps on stderr at a terminal."""
     from rich.progress import track
 
     console = screen("stderr")

@@ -1,4 +1,4 @@
-"""Scan files as the commands read them."""
+"""Scan file arguments of the commands."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,23 +13,23 @@ if TYPE_CHECKING:
     from scanlock.arrays import Points
     from scanlock.io import ScanFile
 
-_GROUP = Group("How scans are read", sort_key=10)
+_GROUP = Group("Reading scans", sort_key=10)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedScan:
-    """A scan file, and the points to compute with.
+    """A scan file and its usable points.
 
     Attributes
     ----------
     path : Path
     file : ScanFile
-        The contents, untouched.
+        The contents of the file.
     points : (n, 3) [m]
-        Row by row as in the file, with NaN for the rows at (0, 0, 0): drivers write them where
-        nothing came back, and as points they would pile up at the sensor.
+        One row per row of the file, with NaN for rows at (0, 0, 0), which drivers write where
+        there was no return.
     blanks : int
-        How many such rows there are.
+        Number of rows at (0, 0, 0).
     """
 
     path: Path
@@ -39,11 +39,11 @@ class LoadedScan:
 
     @property
     def returns(self) -> "Points":
-        """The points without the blank rows."""
+        """The points without the rows at (0, 0, 0)."""
         return self.points[~(self.file.points == 0.0).all(axis=1)] if self.blanks else self.points
 
     def summary(self) -> str:
-        """Return the name of the file and how many points it has, for people."""
+        """Return the file name and the number of points."""
         text = f"{self.path}, {len(self.points):,} points"
         return f"{text}, {self.blanks:,} of them blank (0, 0, 0)" if self.blanks else text
 
@@ -51,29 +51,31 @@ class LoadedScan:
 @Parameter(name="*", group=_GROUP)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Reading:
-    """How scan files are read; the files themselves tell, where they can."""
+    """Options for reading scan files."""
 
-    format: Annotated[FormatName | None, Parameter(help="Format, where the name misleads.")] = None
+    format: Annotated[
+        FormatName | None, Parameter(help="Format, if the file name does not give it.")
+    ] = None
     """Key of `scanlock.io.FORMATS`."""
 
     columns: Annotated[
         str | None,
         Parameter(help='Columns of a file without names: 4, or "x y z intensity".'),
     ] = None
-    """How many columns a headerless file has, or what they are called."""
+    """Number or names of the columns of a headerless file."""
 
     def wanted_columns(self) -> int | str | None:
-        """Return `columns` as `scanlock.io.read_scan` wants it."""
+        """Return `columns` in the form that `scanlock.io.read_scan` takes."""
         text = self.columns
         return int(text) if text is not None and text.strip().isdecimal() else text
 
     def load(self, path: Path) -> LoadedScan:
-        """Return the contents of a scan file.
+        """Read a scan file.
 
         Raises
         ------
         FormatError
-            No row of it is a point; and all that `scanlock.io.read_scan` raises.
+            No row is a point, or an error of `scanlock.io.read_scan`.
         """
         import numpy as np
 

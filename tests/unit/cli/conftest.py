@@ -34,12 +34,12 @@ def scanlock(capsys):
 def scans(tmp_path_factory):
     """Return a folder of scans: two of one place with a known motion, and some with blanks."""
     folder = tmp_path_factory.mktemp("scans")
-    reference, scene = street(1), MOTION.inverse().apply(street(2))
-    write_scan(folder / "reference.npy", reference)
-    write_scan(folder / "scene.npy", scene)
+    target, source = street(1), MOTION.inverse().apply(street(2))
+    write_scan(folder / "target.npy", target)
+    write_scan(folder / "source.npy", source)
     write_scan(folder / "elsewhere.npy", street(3, layout=7))
-    write_scan(folder / "float32.bin", reference.astype(np.float32))
-    gaps = reference.copy()
+    write_scan(folder / "float32.bin", target.astype(np.float32))
+    gaps = target.copy()
     gaps[::10] = np.nan
     gaps[5::10] = 0.0
     intensity = np.arange(len(gaps), dtype=np.float32)

@@ -114,7 +114,7 @@ def test_an_interrupt_ends_quietly(scanlock, monkeypatch, scans):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("scanlock.io.describe_scan", interrupted)
-    done = scanlock("info", scans / "reference.npy")
+    done = scanlock("info", scans / "target.npy")
     assert (done.code, done.out, done.err) == (130, "", "")
 
 
@@ -124,7 +124,7 @@ def test_a_reader_that_goes_away_is_no_error(scans, option):
     reading, writing = os.pipe()
     os.close(reading)
     code = "import sys; from scanlock.cli import main; sys.exit(main())"
-    arguments = ["info", str(scans / "reference.npy"), *option]
+    arguments = ["info", str(scans / "target.npy"), *option]
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code, *arguments],
         stdout=writing,
@@ -138,7 +138,7 @@ def test_a_reader_that_goes_away_is_no_error(scans, option):
 
 def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path, scans):
     path = tmp_path / "straße.npy"
-    path.write_bytes((scans / "reference.npy").read_bytes())
+    path.write_bytes((scans / "target.npy").read_bytes())
     code = "import sys; from scanlock.cli import main; sys.exit(main())"
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code, "info", str(path)],
@@ -157,4 +157,4 @@ def test_a_mistake_of_the_programme_itself_keeps_its_traceback(scanlock, monkeyp
 
     monkeypatch.setattr("scanlock.io.describe_scan", broken)
     with pytest.raises(RuntimeError, match="a mistake"):
-        scanlock("info", scans / "reference.npy")
+        scanlock("info", scans / "target.npy")

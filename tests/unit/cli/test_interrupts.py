@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from scanlock.cli import main
-from scanlock.cli.interrupts import interrupts_raised, out_of_reach, undisturbed
+from scanlock.cli.interrupts import children_ignore_interrupts, interrupt_delayed, interrupts_raised
 
 if sys.platform == "win32":
     pytest.skip("needs the signals of POSIX systems", allow_module_level=True)
@@ -23,7 +23,7 @@ def _send(number):
 def test_a_command_that_is_to_end_does_so_quietly(scanlock, monkeypatch, scans, number, code):
     before = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     monkeypatch.setattr("scanlock.io.describe_scan", lambda *_, **__: _send(number))
-    done = scanlock("info", scans / "reference.npy")
+    done = scanlock("info", scans / "target.npy")
     assert (done.code, done.out, done.err) == (code, "", "")
     after = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     assert after == before
@@ -43,7 +43,7 @@ def test_what_numba_makes_of_an_interrupt_is_one(scanlock, monkeypatch, scans, d
         raise error
 
     monkeypatch.setattr("scanlock.io.describe_scan", return_and_raise)
-    done = scanlock("info", scans / "reference.npy")
+    done = scanlock("info", scans / "target.npy")
     assert (done.code, done.out, done.err) == (143, "", "")
 
 
@@ -66,7 +66,7 @@ def test_an_interrupt_waits_for_what_belongs_together():
     done = []
 
     def work():
-        with undisturbed():
+        with interrupt_delayed():
             _send(signal.SIGINT)
             done.append("first")
             done.append("second")
@@ -82,7 +82,7 @@ def test_a_second_interrupt_does_not_wait(first):
     done = []
 
     def work():
-        with interrupts_raised(), undisturbed():
+        with interrupts_raised(), interrupt_delayed():
             _send(first)
             done.append("first")
             _send(signal.SIGINT)
@@ -96,7 +96,7 @@ def test_a_second_interrupt_does_not_wait(first):
 
 def test_an_error_comes_before_an_interrupt_that_waits():
     def fail():
-        with undisturbed():
+        with interrupt_delayed():
             _send(signal.SIGINT)
             raise OSError("disk full")
 
@@ -106,7 +106,7 @@ def test_an_error_comes_before_an_interrupt_that_waits():
 
 def test_a_request_is_left_alone_that_nobody_would_raise():
     # Outside of the command line it ends the process on the spot, as it always did.
-    with undisturbed():
+    with interrupt_delayed():
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
@@ -114,7 +114,7 @@ def test_other_threads_may_run_commands():
     codes = []
 
     def run():
-        with undisturbed(), out_of_reach():
+        with interrupt_delayed(), children_ignore_interrupts():
             codes.append(main(["--version"]))
 
     thread = threading.Thread(target=run)
@@ -125,7 +125,7 @@ def test_other_threads_may_run_commands():
 
 def test_processes_out_of_reach_ignore_what_a_terminal_sends_to_all():
     code = "import signal; print(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)"
-    with out_of_reach():
+    with children_ignore_interrupts():
         child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
     out, _ = child.communicate()
     assert out.split() == [b"True"]

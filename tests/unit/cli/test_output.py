@@ -1,10 +1,10 @@
-from scanlock.cli.output import is_worth_keeping
+from scanlock.cli.output import is_due
 
 
 def test_a_kill_costs_few_rows_and_keeping_them_little_work():
     kept, written = 0, 0
     for count in range(1, 20_001):
-        if is_worth_keeping(count):
+        if is_due(count):
             kept = count
             written += count
         lost = count - kept

@@ -46,10 +46,12 @@ def test_motions_are_told_of_the_sensor_or_in_a_map_of_the_centroid(source, is_o
     target = PointCloud.from_array(_XYZ + _UTM)
     frames = LocalOrigins.of_clouds(target, PointCloud.from_array(source))
     assert frames.is_on_map == is_on_map
-    np.testing.assert_allclose(frames.place, source.mean(axis=0) if is_on_map else 0.0, atol=1e-6)
+    np.testing.assert_allclose(
+        frames.reference_point, source.mean(axis=0) if is_on_map else 0.0, atol=1e-6
+    )
     pose = Pose(Rotation.from_euler("z", 3, degrees=True).as_matrix(), np.array([1.0, 2.0, 3.0]))
-    way = frames.shift(pose, frames.place)
-    np.testing.assert_allclose(way, pose.apply(frames.place) - frames.place, atol=1e-6)
+    way = frames.shift(pose, frames.reference_point)
+    np.testing.assert_allclose(way, pose.apply(frames.reference_point) - frames.place, atol=1e-6)
 
 
 def test_frames_survive_a_pickle_and_stay_read_only():

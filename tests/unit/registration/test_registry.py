@@ -31,7 +31,7 @@ def test_a_registered_method_goes_by_its_name():
     scan = street(1, 2000)
     result = register(source=scan, target=scan, method="icp-fine", initial=Pose.identity())
     assert result.method == "icp-fine"
-    assert result.ok
+    assert result.converged
 
 
 def test_a_taken_name_is_refused_unless_it_is_to_be_replaced():

@@ -1,4 +1,4 @@
-"""``scanlock compare``: methods side by side on scans of one's own."""
+"""``scanlock compare``: compare methods on pairs of scans."""
 
 import math
 from dataclasses import dataclass, replace
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from scanlock.pipelines.study import StudyPair
     from scanlock.registration.methods.protocol import Method
 
-_TRUTH = Group("What is taken for true", sort_key=2)
-_STARTS = Group("Starts about the true pose", sort_key=3)
+_TRUTH = Group("Ground truth", sort_key=2)
+_STARTS = Group("Initial poses around the true pose", sort_key=3)
 
 _SEVERAL = Parameter(consume_multiple=True, negative="")
-"""An option that takes as many values as follow it."""
+"""An option that takes several values."""
 
 _Numbers = Annotated[tuple[float, ...], _SEVERAL]
 
@@ -35,7 +35,7 @@ _DISTANCES, _ANGLES = (0.0, 1.0, 2.0, 4.0, 8.0), (0.0, 10.0, 20.0, 40.0)
 @Parameter(name="*", group=_TRUTH)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Truth:
-    """Where true poses come from."""
+    """Source of the true poses."""
 
     poses: Annotated[
         Path | None, Parameter(help="world_from_sensor of every scan, KITTI or TUM format.")
@@ -48,28 +48,31 @@ class Truth:
     """Pose file."""
 
     agree: Annotated[
-        Flag, Parameter(help="Judge by the pose that most methods agree upon where no other is.")
+        Flag, Parameter(help="Use the pose that most methods agree on where there is no other.")
     ] = False
     """Whether agreement counts as truth."""
 
     metres: Annotated[
-        float, Parameter(help="A pair within so much of the true pose is solved.")
+        float, Parameter(help="Translation error below which a pair is solved [m].")
     ] = 0.3
     """Translation limit [m]."""
 
-    degrees: Annotated[float, Parameter(help="The same of the rotation.")] = 1.0
+    degrees: Annotated[
+        float, Parameter(help="Rotation error below which a pair is solved [deg].")
+    ] = 1.0
     """Rotation limit [deg]."""
 
 
 @Parameter(name="*", group=_STARTS)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Starts:
-    """How wrong the starts are whose successes make the basin of convergence."""
+    """Errors of the initial poses that measure the basin of convergence."""
 
     starts: Annotated[
-        int | None, Parameter(help="Starts with every two errors below: 1 where there is a truth.")
+        int | None,
+        Parameter(help="Initial poses per pair of errors; 1 by default with ground truth."),
     ] = None
-    """Repeats of every cell; 1 where there is a truth."""
+    """Repeats of every cell; 1 by default with ground truth."""
 
     distances: Annotated[_Numbers, Parameter(help="Errors of translation [m].")] = _DISTANCES
     """Rows of the basin [m]."""
@@ -78,11 +81,11 @@ class Starts:
     """Columns of the basin [deg]."""
 
     axis: Annotated[
-        Literal["vertical", "random"], Parameter(help="Turned about the vertical, or any axis.")
+        Literal["vertical", "random"], Parameter(help="Axis of the rotation errors.")
     ] = "vertical"
-    """How starts err."""
+    """Axis of the rotation errors."""
 
-    seed: Annotated[int, Parameter(help="Decides the directions of the errors.")] = 0
+    seed: Annotated[int, Parameter(help="Seed of the directions of the errors.")] = 0
     """Any whole number from 0."""
 
     def plan(self, *, has_truth: bool) -> "AroundTruth | None":
@@ -92,9 +95,7 @@ class Starts:
         repeats = self.starts if self.starts is not None else int(has_truth)
         require_count("--starts", repeats, 0)
         if repeats and not has_truth:
-            raise InvalidInput(
-                "--starts need true poses to start about; give --poses, --truth or --agree"
-            )
+            raise InvalidInput("--starts needs true poses; give --poses, --truth or --agree")
         if not repeats:
             return None
         return AroundTruth(
@@ -118,26 +119,26 @@ def compare(
     starts: Starts | None = None,
     reading: Reading | None = None,
 ) -> None:
-    """Register pairs of scans by several methods, and count how far from the truth they may start.
+    """Compare methods on pairs of scans: errors, times and basins of convergence.
 
-    An interrupted run goes on where it was when it is started again with the same folder.
+    The same command continues an interrupted run with the same folder.
 
     Parameters
     ----------
     scans : Path
         Two scan files or more, each registered to the one before; or one folder of scans.
     methods : str
-        How to register; by every method by default.
+        Registration methods; all by default.
     settings : Path
-        Further methods with settings of your own: TOML as scanlock settings prints it.
+        More methods with your own settings: TOML as printed by scanlock settings.
     output : Path
         Folder for tables, pictures and records.
     every : int
-        Of a folder, take every k-th scan.
+        Use every k-th scan of the folder.
     apart : int
-        Register each scan to the one so many before.
+        Number of scans between source and target.
     pairs : int
-        Take so many pairs at most, spread over all.
+        Maximum number of pairs, evenly spread.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, print_title
@@ -152,18 +153,18 @@ def compare(
     require_figures()
     for name, count in (("--every", every), ("--apart", apart), ("--pairs", pairs)):
         require_count(name, 1 if count is None else count)
-    believed, begun = truth or Truth(), starts or Starts()
-    limits = Limits(metres=believed.metres, degrees=believed.degrees)
-    series = _series(scans, every, believed, reading or Reading())
-    chosen = _chosen(series, apart, pairs, believed)
-    has_truth = believed.agree or any(pair.truth is not None for pair in chosen)
+    ground_truth, initial = truth or Truth(), starts or Starts()
+    limits = Limits(metres=ground_truth.metres, degrees=ground_truth.degrees)
+    series = _series(scans, every, ground_truth, reading or Reading())
+    chosen = _chosen(series, apart, pairs, ground_truth)
+    has_truth = ground_truth.agree or any(pair.truth is not None for pair in chosen)
     comparison = Comparison(
         methods=_methods(methods, settings),
         pairs=chosen,
         load=series.load,
         key=series.key,
-        around=begun.plan(has_truth=has_truth),
-        take_agreed=believed.agree,
+        around=initial.plan(has_truth=has_truth),
+        take_agreed=ground_truth.agree,
         limits=limits,
     )
     output.mkdir(parents=True, exist_ok=True)
@@ -177,7 +178,7 @@ def compare(
     findings = comparison_findings(comparison, done, series)
     intro = f"{described(series)}, {count}. {truth_sentence(series)}"
     page = write_findings(output, "Comparison of methods", intro, comparison.methods, findings)
-    print_line(f"wrote {page} and all that it leads to")
+    print_line(f"wrote {page} with tables, pictures and records")
 
 
 def _methods(
@@ -189,22 +190,24 @@ def _methods(
     found: dict[str, Method[Any]] = {name: METHODS[name] for name in names or METHODS}
     for path in settings:
         if path.stem in found:
-            raise InvalidInput(f"two methods would be called {path.stem}; rename {path.name}")
+            raise InvalidInput(f"two methods have the name {path.stem}; rename {path.name}")
         found[path.stem] = read_settings(path)
     return found
 
 
-def _series(scans: "Sequence[Path]", every: int, believed: Truth, reading: Reading) -> "ScanSeries":
+def _series(
+    scans: "Sequence[Path]", every: int, ground_truth: Truth, reading: Reading
+) -> "ScanSeries":
     import numpy as np
 
     from scanlock.experiments.series import recorded_series, series_of
     from scanlock.io.sequences import ScanSequence, read_trajectory
 
     if len(scans) == 1 and scans[0].is_dir():
-        return recorded_series(scans[0], every=every, poses=believed.poses)
+        return recorded_series(scans[0], every=every, poses=ground_truth.poses)
     if len(scans) < 2:
         raise InvalidInput("name two scan files or more, or one folder of scans")
-    poses = () if believed.poses is None else tuple(read_trajectory(believed.poses)[1])
+    poses = () if ground_truth.poses is None else tuple(read_trajectory(ground_truth.poses)[1])
     if len(poses) not in (0, len(scans)):
         raise InvalidInput(
             f"--poses must hold one for each of {len(scans)} scans, got {len(poses)}"
@@ -222,15 +225,15 @@ def _series(scans: "Sequence[Path]", every: int, believed: Truth, reading: Readi
 
 
 def _chosen(
-    series: "ScanSeries", apart: int, most: int | None, believed: Truth
+    series: "ScanSeries", apart: int, most: int | None, ground_truth: Truth
 ) -> "list[StudyPair]":
     from scanlock.io import read_pose
 
     pairs = series.pairs(apart)
-    if believed.truth is not None:
-        if len(pairs) != 1 or believed.poses is not None:
+    if ground_truth.truth is not None:
+        if len(pairs) != 1 or ground_truth.poses is not None:
             raise InvalidInput("--truth is the pose of one pair; give --poses for more scans")
-        return [replace(pairs[0], truth=read_pose(believed.truth))]
+        return [replace(pairs[0], truth=read_pose(ground_truth.truth))]
     if most is None or most >= len(pairs):
         return pairs
     return [pairs[row * len(pairs) // most] for row in range(most)]
@@ -240,9 +243,9 @@ def _show_basins(done: "Compared", plan: "AroundTruth", limits: "Limits") -> Non
     from scanlock.cli.console import print_table, print_title
     from scanlock.experiments.comparison import basins
 
-    heads = ["wrong by", *(f"{math.degrees(angle):g} deg" for angle in plan.angles)]
+    heads = ["error", *(f"{math.degrees(angle):g} deg" for angle in plan.angles)]
     for name, basin in basins(done, plan, limits).items():
-        print_title(f"{name}: starts that are solved")
+        print_title(f"{name}: solved initial poses")
         print_table(
             heads,
             [

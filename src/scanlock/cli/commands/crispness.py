@@ -1,4 +1,4 @@
-"""``scanlock crispness``: how many voxels a map fills."""
+"""``scanlock crispness``: count the voxels that a map fills."""
 
 from pathlib import Path
 
@@ -14,16 +14,16 @@ def crispness(
     json: Flag = False,
     reading: Reading | None = None,
 ) -> None:
-    """Count the voxels that maps of the same scans fill: the fewer, the crisper.
+    """Count the voxels that maps of the same scans fill; fewer is crisper.
 
     Parameters
     ----------
     map : Path
-        The file of a map, all points in one frame.
+        Map file, all points in one frame.
     more : Path
-        Further maps to compare it with.
+        More maps to compare.
     width : float
-        Side of the voxels [m].
+        Voxel size [m].
     json : bool
         Print the counts as JSON, and nothing else.
     """
@@ -35,7 +35,7 @@ def crispness(
     origin = None
     for path in (map, *more):
         cloud = PointCloud.from_array((reading or Reading()).load(path).returns)
-        # In map coordinates, voxels have a corner at the first map's origin: one grid for all.
+        # In map coordinates all maps use one grid, with a corner at the origin of the first.
         origin = cloud.origin if origin is None else origin
         shift = cloud.origin - origin
         voxels = counted(cloud.points + shift if shift.any() else cloud.points, width)

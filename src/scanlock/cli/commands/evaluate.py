@@ -1,4 +1,4 @@
-"""``scanlock evaluate``: how far a trajectory is from the true one."""
+"""``scanlock evaluate``: errors of a trajectory against ground truth."""
 
 import math
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from scanlock.evaluation.trajectory_errors import TrajectoryErrors
     from scanlock.geometry.pose import Pose
 
-_MOST_GAP = 0.05
-"""Stamps farther apart than this are of other poses [s]; half a sweep at 10 Hz."""
+_MAX_TIME_DIFFERENCE = 0.05
+"""Maximum time difference of matching poses [s]; half a sweep at 10 Hz."""
 
 _PARTS = ("rmse", "mean", "median", "largest")
 
@@ -31,20 +31,21 @@ def evaluate(
     picture: Path | None = None,
     json: Flag = False,
 ) -> None:
-    """Compare a trajectory with the true one: absolute, relative and KITTI errors.
+    """Compute absolute, relative and KITTI errors of a trajectory.
 
     Parameters
     ----------
     estimate : Path
-        The trajectory to judge, KITTI or TUM format.
+        The estimated trajectory, KITTI or TUM format.
     truth : Path
-        The true one, or a folder of scans with poses. Matched by time if both tell it, else by row.
+        The true trajectory, or a folder of scans with poses. Matched by time if both have
+        times, else by row.
     align : str
-        What is laid together before absolute errors: nothing, the first poses, all positions.
+        Alignment before absolute errors: none, the first poses, or all positions.
     apart : int
-        How many rows the motions of the relative errors span.
+        Number of rows between the poses of the relative errors.
     picture : Path
-        Where to draw both and the errors along the way: .png, .pdf or .svg.
+        File for a picture of both trajectories and the errors: .png, .pdf or .svg.
     json : bool
         Print all numbers as JSON, and nothing else.
     """
@@ -105,21 +106,21 @@ def _matched(here: _Track, there: _Track) -> _Matched:
         first, second = _pairs(here.times, there.times)
         if len(first) == 0:
             raise InvalidInput(
-                f"no time in {here.path} is within {_MOST_GAP} s of one in {there.path}; check "
-                "that both count from the same moment"
+                f"no time in {here.path} is within {_MAX_TIME_DIFFERENCE} s of one in "
+                f"{there.path}; check that both use the same clock"
             )
         poses = [here.poses[row] for row in first], [there.poses[row] for row in second]
         return _Matched(*poses, counts)
     if counts[0] != counts[1]:
         raise InvalidInput(
-            f"{here.path} has {counts[0]} poses and {there.path} {counts[1]}; without times in "
-            "both they must be as many, so give both in TUM format"
+            f"{here.path} has {counts[0]} poses and {there.path} {counts[1]}; without times "
+            "both must have the same number; use TUM format for both"
         )
     return _Matched(here.poses, there.poses, counts)
 
 
 def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
-    """Return the rows of poses of one moment, in the order of time; each row at most once."""
+    """Return the rows of matching times, in order of time; each row at most once."""
     import numpy as np
 
     order = np.argsort(there, kind="stable")
@@ -128,9 +129,9 @@ def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
     gaps = np.abs(there[order][sides] - here)
     nearest = order[np.take_along_axis(sides, gaps.argmin(axis=0)[None], axis=0)[0]]
     gap = gaps.min(axis=0)
-    # The closest comes first, and is the one that is kept of several with the same partner.
+    # Of several rows with the same match the closest in time is kept.
     rows = np.argsort(gap, kind="stable")
-    rows = rows[gap[rows] <= _MOST_GAP]
+    rows = rows[gap[rows] <= _MAX_TIME_DIFFERENCE]
     _, once = np.unique(nearest[rows], return_index=True)
     rows = rows[once]
     rows = rows[np.argsort(here[rows], kind="stable")]

@@ -1,4 +1,4 @@
-"""``scanlock info``: what is in a scan file."""
+"""``scanlock info``: describe a scan file."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +20,7 @@ def info(
     json: Flag = False,
     reading: Reading | None = None,
 ) -> None:
-    """Say what is in a scan file: format, fields, points, extent, oddities, and some guesses.
+    """Describe a scan file: format, fields, points and extent, with guesses about the sensor.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def info(
         return
     print_title(description.path)
     print_facts(_facts(description))
-    print_title("guesses, any of which may be wrong")
+    print_title("guesses")
     print_facts(_guesses(description))
 
 
@@ -49,20 +49,20 @@ def _facts(about: "ScanDescription") -> "Facts":
     rows: Facts = [
         ("format", f"{about.title}{encoding}, {about.size / 1e6:.2f} MB"),
         ("points", f"{about.points:,}{organised}"),
-        ("left out", f"{about.not_finite:,} with NaN or Inf, {about.zeros:,} at (0, 0, 0)"),
+        ("dropped", f"{about.not_finite:,} with NaN or Inf, {about.zeros:,} at (0, 0, 0)"),
         ("duplicates", f"{about.duplicates:,}"),
         ("coordinates", about.coordinate_dtype),
         *(
             (axis, f"{low:.3f} to {high:.3f} m")
             for axis, low, high in zip("xyz", about.minimum, about.maximum, strict=True)
         ),
-        ("range", f"{about.median_range:.1f} m median, {about.max_range:.1f} m greatest"),
+        ("range", f"{about.median_range:.1f} m median, {about.max_range:.1f} m maximum"),
         ("spacing", f"{about.spacing:.3f} m to the nearest point, median"),
         ("fields", _fields(about)),
     ]
     if about.large_coordinates:
         origin = ", ".join(f"{value:.0f}" for value in about.origin)
-        rows.append(("origin", f"map coordinates: ({origin}) m is taken off to compute"))
+        rows.append(("origin", f"map coordinates: ({origin}) m is subtracted"))
     if about.ring_field is not None:
         rows.append(("rings", f"{about.rings} in {about.ring_field}"))
     rows.extend(("note", note) for note in about.notes)

@@ -1,4 +1,4 @@
-"""``scanlock map``: a folder of scans to a trajectory and a map."""
+"""``scanlock map``: register the scans of a folder into a trajectory and a map."""
 
 import csv
 import io
@@ -30,7 +30,7 @@ _HEADS = (
     "reason",
 )
 _NAMED = 8
-"""How many doubtful scans are named on the screen; the table has all."""
+"""Maximum number of unverified scans that are printed; the table has all."""
 
 
 def map_folder(
@@ -47,40 +47,40 @@ def map_folder(
     doubt: Literal["keep", "stop"] = "keep",
     width: float = 0.1,
 ) -> int:
-    """Register each scan to the one before, and lay all of them into one map.
+    """Register consecutive scans of a folder and build one map.
 
     Parameters
     ----------
     folder : Path
-        A folder of scans: plain, KITTI, Ford Campus, or of scanlock simulate.
+        Folder of scans: plain, KITTI, Ford Campus, or from scanlock simulate.
     output : Path
-        Folder for the trajectory, the map and the table of pairs; it must not hold a map yet.
+        Folder for trajectory, map and table of pairs; it must not contain a map yet.
     method : str
-        How to register; auto by default.
+        Registration method; auto by default.
     settings : Path
-        A method with settings of your own: TOML as scanlock settings prints it.
+        A method with your own settings: TOML as printed by scanlock settings.
     dof : str
-        What may change from where a registration begins: everything, or less for levelled
-        scanners (xyz+yaw) and a flat world (xy+yaw).
+        Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
+        motion (xy+yaw).
     every : int
-        Take every k-th scan.
+        Use every k-th scan.
     scans : int
-        Take so many at most; all by default.
+        Maximum number of scans; all by default.
     guess : str
-        Where registrations begin: at no motion, or at the last one.
+        Initial pose of each registration: no motion (identity), or the last motion (velocity).
     doubt : str
-        Keep the best pose of a pair that is not to be trusted, or stop before its scan.
+        Keep the pose of an unverified pair, or stop before its scan.
     width : float
-        The map keeps one point in each voxel of this side [m].
+        Voxel size of the map [m]; it keeps one point per voxel.
 
     Returns
     -------
     int
-        The exit code: 0 if every pair is to be trusted, 2 if not.
+        The exit code: 0 if every pair is verified, 2 if not.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import counting
-    from scanlock.cli.interrupts import undisturbed
+    from scanlock.cli.interrupts import interrupt_delayed
     from scanlock.cli.method_option import chosen_method
     from scanlock.io.sequences import open_sequence
     from scanlock.pipelines.mapping import mapped_scans
@@ -89,11 +89,11 @@ def map_folder(
     require_count("--scans", 2 if scans is None else scans, 2)
     require_positive("--width", width, unit="m")
     if (output / "map.ply").exists():
-        raise InvalidInput(f"{output} holds a map already; name another folder, or remove it")
+        raise InvalidInput(f"{output} contains a map already; use another folder, or remove it")
     chosen = chosen_method(method, settings)
     sequence = open_sequence(folder, every=every, count=scans)
     if len(sequence) < 2:
-        raise InvalidInput(f"{folder} must give at least 2 scans to map, got {len(sequence)}")
+        raise InvalidInput(f"{folder} must contain at least 2 scans, got {len(sequence)}")
     output.mkdir(parents=True, exist_ok=True)
     drive = _Drive(sequence, width)
     with compile_watch():
@@ -105,17 +105,17 @@ def map_folder(
         )
         try:
             for step in steps:
-                with undisturbed():
+                with interrupt_delayed():
                     added = drive.add(step, doubt)
                 if added == "stopped":
                     break
                 drive.keep(output)
         except BaseException:
-            # A broken scan or an interrupt after hours leaves the map up to there.
-            with undisturbed():
+            # After a broken scan or an interrupt, write the map so far.
+            with interrupt_delayed():
                 _say(drive.write(output))
             raise
-    with undisturbed():
+    with interrupt_delayed():
         wrote = drive.write(output)
     drive.show(folder)
     _say(wrote)
@@ -123,12 +123,12 @@ def map_folder(
 
 
 class _Drive:
-    """The map, the trajectory and the table, as far as they have come.
+    """The map, the trajectory and the table of pairs so far.
 
     Attributes
     ----------
     doubtful : list of int
-        Scans whose motion from the one before is not to be trusted.
+        Scans whose motion from the previous one is not verified.
     """
 
     def __init__(self, sequence: "ScanSequence", width: float) -> None:
@@ -142,7 +142,7 @@ class _Drive:
         self._rows: list[tuple[str | int, ...]] = []
 
     def add(self, step: "MappedScan", doubt: Literal["keep", "stop"]) -> Literal["laid", "stopped"]:
-        """Lay a scan into the map, unless its motion is in doubt and that is to end the drive."""
+        """Add a scan to the map, unless its motion is not verified and `doubt` is "stop"."""
         index = len(self._poses)
         if step.registration is not None:
             names = self._sequence.names
@@ -151,21 +151,21 @@ class _Drive:
             self.doubtful.append(index)
             if doubt == "stop":
                 return "stopped"
-        # Rounded as the file has them, so that its points fill as many voxels as are counted.
+        # Rounded as in the file, so that the points of the file fill the voxels that are counted.
         laid = step.pose.apply(step.cloud.points + step.cloud.origin).astype("float32")
         self._map.add(laid.astype("float64"))
         self._poses.append(step.pose)
         return "laid"
 
     def keep(self, output: Path) -> None:
-        """Write the poses and the table so far, which outlast even a kill; the map comes last."""
-        from scanlock.cli.output import is_worth_keeping
+        """Write poses and table so far, which then survive a kill; the map is written last."""
+        from scanlock.cli.output import is_due
 
-        if is_worth_keeping(len(self._poses)):
+        if is_due(len(self._poses)):
             self._write_rows(output)
 
     def write(self, output: Path) -> str:
-        """Write what there is, and return what to say of it."""
+        """Write map, trajectory and table, and return the line to print."""
         from scanlock.io import write_scan
 
         if not self._poses:
@@ -179,14 +179,14 @@ class _Drive:
         return f"wrote map.ply, map.png, trajectories and pairs.csv to {output}"
 
     def show(self, folder: Path) -> None:
-        """Print the verdict and the figures of the drive."""
+        """Print status and figures of the drive."""
         from scanlock.cli.console import print_facts, print_status
 
         of = len(self._sequence)
         count = len(self._rows)
         print_status(
-            "doubtful" if self.doubtful else "ok",
-            f"{count - len(self.doubtful)} of {count} pairs are to be trusted",
+            "unverified" if self.doubtful else "ok",
+            f"{count - len(self.doubtful)} of {count} pairs are verified",
             good=not self.doubtful,
         )
         facts = [
@@ -198,8 +198,8 @@ class _Drive:
             names = [self._sequence.names[index] for index in self.doubtful]
             shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
             stopped = self.doubtful[-1] == len(self._poses)
-            left = f"stopped there, {of - len(self._poses)} of {of} scans left out"
-            end = left if stopped else "all after them stands on these"
+            left = f"stopped there, {of - len(self._poses)} of {of} scans not used"
+            end = left if stopped else "all later poses depend on these"
             facts.append(("not ok", f"the motions to {shown}: {end}"))
         print_facts(facts)
 

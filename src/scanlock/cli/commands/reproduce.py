@@ -1,4 +1,4 @@
-"""``scanlock reproduce``: an experiment of a paper, our numbers beside its own."""
+"""``scanlock reproduce``: reproduce an experiment of a paper."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 ExperimentName = Literal["urban", "forest", "ladar"]
 
-_MARKS = {True: "holds", False: "does not hold", None: "cannot be told"}
+_MARKS = {True: "holds", False: "does not hold", None: "undecided"}
 
 
 def reproduce(
@@ -26,9 +26,9 @@ def reproduce(
     data: Path | None = None,
     poses: Path | None = None,
 ) -> None:
-    """Run an experiment of the papers and write a page of what came out beside what they print.
+    """Reproduce an experiment of the papers and write a page with their numbers beside ours.
 
-    An interrupted run goes on where it was when it is started again with the same folder.
+    The same command continues an interrupted run with the same folder.
 
     Parameters
     ----------
@@ -39,14 +39,13 @@ def reproduce(
         Folder for the page, tables, figures, trajectories and maps; by default
         scanlock-EXPERIMENT.
     scans : int
-        How many scans to register, or at how many places for ladar; by default as many as make
-        a good comparison.
+        Number of scans to register, or of places for ladar.
     seed : int
-        Decides the simulated scans; any whole number from 0.
+        Seed of the simulated scans; any whole number from 0.
     data : Path
-        Folder of recorded scans to take instead: KITTI, Ford Campus, or any other.
+        Folder of recorded scans to use instead: KITTI, Ford Campus, or plain files.
     poses : Path
-        True poses of all scans in that folder (KITTI or TUM), in place of its own.
+        True poses of all scans in that folder (KITTI or TUM format).
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, print_table, print_title, waiting
@@ -64,7 +63,7 @@ def reproduce(
     chosen = EXPERIMENTS[experiment]
     folder = output or Path(f"scanlock-{experiment}")
     with compile_watch():
-        with waiting("making ready"):
+        with waiting("preparing"):
             series = _series(chosen, scans, seed, data, poses)
         done = reproduced(chosen, series, folder, progress)
     print_title(f"{chosen.title}: {series.title}")
@@ -75,7 +74,7 @@ def reproduce(
         voxels = {name: len(points) for name, points in done.findings.maps.items()}
         show_errors(done.outcome.records, SOLVED, voxels=voxels)
     _show_claims(done.findings)
-    print_line(f"wrote {done.page} and all that it leads to")
+    print_line(f"wrote {done.page} with tables, figures and maps")
 
 
 def _series(
@@ -86,12 +85,12 @@ def _series(
     if data is not None:
         if experiment.every is None:
             raise InvalidInput(
-                f"--data {data} cannot be taken: {experiment.name} needs range images, which are "
-                "simulated; leave --data out"
+                f"--data {data} cannot be used: {experiment.name} needs range images, which are "
+                "simulated; omit --data"
             )
         return recorded_series(data, every=experiment.every, scans=scans, poses=poses)
     if poses is not None:
-        raise InvalidInput("--poses belongs to --data; simulated scans have exact poses")
+        raise InvalidInput("--poses needs --data; simulated scans have exact poses")
     return experiment.simulated(scans or experiment.scans, seed)
 
 
@@ -104,5 +103,5 @@ def _show_claims(findings: "Findings") -> None:
         for claim in section.claims
     ]
     if facts:
-        print_title("what the paper concludes, and whether it does here")
+        print_title("conclusions of the paper, and whether they hold here")
         print_facts(facts)

@@ -1,4 +1,4 @@
-"""``scanlock simulate``: a folder of scans with exact poses and labels."""
+"""``scanlock simulate``: simulate a folder of scans with exact poses and labels."""
 
 import json
 from collections.abc import Mapping
@@ -40,30 +40,30 @@ def simulate(
     format: FormatName = "bin",
     motion: MotionName = "removed",
 ) -> None:
-    """Make scans along a drive through a simulated scene, with exact poses and labels.
+    """Simulate scans along a drive through a scene, with exact poses and labels.
 
     Parameters
     ----------
     scene : str
-        The place: a street by car, a forest by a slow robot, or rugged terrain off the road.
+        The scene: a street by car, a forest by a slow robot, or rugged off-road terrain.
     output : Path
-        Folder for the scans; it must not hold any yet.
+        Folder for the scans; it must not contain scans yet.
     sensor : str
-        The lidar: one that spins, or the facet ladar that looks ahead of its vehicle.
+        A spinning lidar, or the forward-looking facet ladar.
     scans : int
-        How many scans to make.
+        Number of scans.
     every : int
-        Keep every k-th sweep of the drive; there are ten a second.
+        Keep every k-th sweep of the drive, at 10 Hz.
     seed : int
-        Decides the scene, the drive and the noise; any whole number from 0.
+        Seed of scene, drive and noise; any whole number from 0.
     format : str
         Format of the scans.
     motion : str
-        Points as if the sensor had stood still at its pose (removed), or as a sweep sees them.
+        Motion distortion of a sweep: removed or kept.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import counting, print_line, waiting
-    from scanlock.cli.interrupts import undisturbed
+    from scanlock.cli.interrupts import interrupt_delayed
     from scanlock.io import FORMATS
 
     for name, count, least in (("--scans", scans, 1), ("--every", every, 1), ("--seed", seed, 0)):
@@ -76,11 +76,11 @@ def simulate(
         try:
             for index in counting(range(0, len(sequence), every), "scans"):
                 scan = sequence[index]
-                with undisturbed():
+                with interrupt_delayed():
                     folder.add(scan)
         finally:
-            # An interrupted run leaves as many poses as scans.
-            with undisturbed():
+            # After an interrupt there are as many poses as scans.
+            with interrupt_delayed():
                 folder.write_poses()
     folder.write_settings(
         {
@@ -120,7 +120,7 @@ class _Folder:
     Attributes
     ----------
     points : int
-        How many points the scans so far have.
+        Number of points of the scans so far.
     """
 
     def __init__(self, path: Path, extension: str, motion: MotionName) -> None:
@@ -132,16 +132,16 @@ class _Folder:
         self._poses: list[Pose] = []
 
     def prepare(self) -> None:
-        """Create the folder; refuse one with scans, which would be mixed with the new ones."""
+        """Create the folder; refuse one that contains scans."""
         scans = self._path / "scans"
         if scans.exists() and any(scans.iterdir()):
-            raise InvalidInput(f"{scans} holds scans already; name another folder, or remove it")
+            raise InvalidInput(f"{scans} contains scans already; use another folder, or remove it")
         scans.mkdir(parents=True, exist_ok=True)
         (self._path / "labels").mkdir(exist_ok=True)
 
     def add(self, scan: "SimulatedScan") -> None:
-        """Write one scan and its labels, and keep the poses up, which outlast even a kill."""
-        from scanlock.cli.output import is_worth_keeping
+        """Write one scan, its labels and the poses so far, which then survive a kill."""
+        from scanlock.cli.output import is_due
         from scanlock.io import write_labels, write_scan
 
         name = f"{len(self._poses):06d}"
@@ -151,7 +151,7 @@ class _Folder:
         self.points += len(scan)
         self._times.append(scan.time)
         self._poses.append(scan.pose)
-        if is_worth_keeping(len(self._poses)):
+        if is_due(len(self._poses)):
             self.write_poses()
 
     def write_poses(self) -> None:
@@ -163,7 +163,7 @@ class _Folder:
             write_tum_poses(self._path / "poses_tum.txt", self._times, self._poses)
 
     def write_settings(self, settings: Mapping[str, Any]) -> None:
-        """Write what made the scans and how to read them."""
+        """Write the settings of the simulation and the conventions of the files."""
         from scanlock import __version__
         from scanlock.io import atomic_file
         from scanlock.simulation import SurfaceClass
@@ -181,7 +181,7 @@ class _Folder:
         import numpy as np
 
         if self._extension == ".bin":
-            # Readers of KITTI take rows of four numbers for granted.
+            # KITTI readers expect rows of four numbers.
             return {"intensity": np.zeros(len(scan), np.float32)}
         if self._extension == ".npy":
             return {}

@@ -1,4 +1,4 @@
-"""``scanlock warmup``: everything that is compiled, compiled now."""
+"""``scanlock warmup``: compile all kernels."""
 
 import os
 import time
@@ -9,7 +9,7 @@ _Step = TypeVar("_Step")
 
 
 def warm_up() -> None:
-    """Compile everything now and keep it on disk, so that no later command has to."""
+    """Compile all kernels and cache them on disk, so that later commands start at once."""
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, waiting
     from scanlock.registration.warm_up import warm_up_verification
@@ -25,7 +25,7 @@ def warm_up() -> None:
         print_line(f"compiled everything in {seconds:.0f} s; commands now start at once")
     else:
         print_line(f"everything was compiled already; loaded it in {seconds:.1f} s")
-    print_line(where_it_is_kept())
+    print_line(cache_location())
 
 
 def _compiles_here() -> bool:
@@ -48,7 +48,7 @@ def _share(processes: int) -> None:
     """Compile in so many processes at once, this one among them, what one cache on disk keeps."""
     from multiprocessing import get_context
 
-    from scanlock.cli.interrupts import out_of_reach
+    from scanlock.cli.interrupts import children_ignore_interrupts
 
     if processes < 2:
         return
@@ -59,7 +59,7 @@ def _share(processes: int) -> None:
         context.Process(target=work_off, args=(number, taken), daemon=True)
         for number in range(1, processes)
     ]
-    with out_of_reach():
+    with children_ignore_interrupts():
         for helper in helpers:
             helper.start()
     work_off(0, taken)
@@ -68,7 +68,7 @@ def _share(processes: int) -> None:
 
 
 def work_off(number: int, taken: Any) -> None:
-    """Run the steps that no other process has taken, in the order of this one."""
+    """Run the steps that no other process has started, in the order of this process."""
     steps = _steps()
     for k in ordered(range(len(steps)), number):
         with taken.get_lock():
@@ -85,9 +85,9 @@ def _steps() -> list[Callable[[], object]]:
 
 
 def ordered(steps: Sequence[_Step], number: int) -> list[_Step]:
-    """Return steps forwards for even numbers, backwards for odd, and from within from 2 on.
+    """Order the steps of a process: forwards if its number is even, else backwards, and shifted.
 
-    Steps far apart share few kernels, so what one process compiles the others find on disk.
+    Steps far apart share few kernels, so processes rarely compile the same kernel.
     """
     turned = list(steps if number % 2 == 0 else reversed(steps))
     first = (number // 2) * len(turned) // 3 % len(turned)
@@ -135,8 +135,8 @@ def _warm_up_files() -> None:
         read_scan(path)
 
 
-def where_it_is_kept() -> str:
-    """Return where the machine code lies on disk, or why nowhere and what to do about it."""
+def cache_location() -> str:
+    """Return the folder of the machine code, or why there is none and the remedy."""
     from scanlock.kernels.points import polar
 
     stats = getattr(polar.polar_cells, "stats", None)
@@ -144,7 +144,7 @@ def where_it_is_kept() -> str:
         return "the compiler is off: the environment variable NUMBA_DISABLE_JIT is set"
     if stats.cache_path is None:
         return (
-            "no folder to keep it in is writable, so every run compiles anew; set the "
-            "environment variable NUMBA_CACHE_DIR to one that is"
+            "no cache folder is writable, so every run compiles again; set the "
+            "environment variable NUMBA_CACHE_DIR to a writable one"
         )
     return f"kept in {stats.cache_path}"

@@ -30,12 +30,12 @@ def test_without_matplotlib_there_is_all_but_the_picture(
     done = scanlock("demo", "-o", tmp_path / "new")
     assert (done.code, done.err) == (0, "")
     assert 'pip install "scanlock[figures]"' in done.out
-    names = ["exact_pose.txt", "pose.txt", "reference.ply", "scene.ply"]
+    names = ["exact_pose.txt", "pose.txt", "source.ply", "target.ply"]
     assert sorted(path.name for path in (tmp_path / "new").iterdir()) == names
     exact = np.loadtxt(tmp_path / "new" / "exact_pose.txt")
     np.testing.assert_array_equal(exact, pair.target_from_source.matrix)
     np.testing.assert_array_equal(
-        read_scan(tmp_path / "new" / "scene.ply").points, pair.source.points
+        read_scan(tmp_path / "new" / "source.ply").points, pair.source.points
     )
 
 
@@ -52,6 +52,6 @@ def test_the_result_stands_beside_the_truth(scanlock, small, pair, tmp_path):
     assert lines[-1][-4:] == [
         "scanlock",
         "register",
-        str(tmp_path / "reference.ply"),
-        str(tmp_path / "scene.ply"),
+        str(tmp_path / "source.ply"),
+        str(tmp_path / "target.ply"),
     ]

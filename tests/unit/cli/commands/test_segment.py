@@ -58,7 +58,7 @@ def test_a_scan_is_written_with_its_fields_and_labels(scanlock, scans, tmp_path,
 
 def test_a_survey_keeps_its_digits_and_gets_labels(scanlock, scans, tmp_path):
     pytest.importorskip("laspy")
-    far = np.array([4e5, 5e6, 100.0]) + np.load(scans / "reference.npy").round(3)
+    far = np.array([4e5, 5e6, 100.0]) + np.load(scans / "target.npy").round(3)
     write_scan(tmp_path / "survey.las", far)
     done = scanlock("segment", tmp_path / "survey.las", "-o", tmp_path / "parts.laz")
     assert (done.code, done.err) == (0, "")

@@ -15,7 +15,7 @@ def test_settings_that_were_written_register(scanlock, scans, tmp_path):
     path = tmp_path / "mine.toml"
     assert scanlock("settings", "sgc-ndt-p2d", "-o", path).out == f"wrote {path}\n"
     path.write_text(path.read_text().replace("spacing = 0.5", "spacing = 0.4"))
-    pair = (scans / "reference.npy", scans / "scene.npy")
+    pair = (scans / "source.npy", scans / "target.npy")
     found = json.loads(scanlock("register", *pair, "--settings", path, "--json").out)
     assert found["method"] == "SgcNdt"
     default = json.loads(scanlock("register", *pair, "--json").out)
@@ -24,7 +24,7 @@ def test_settings_that_were_written_register(scanlock, scans, tmp_path):
 
 
 def test_mistakes_are_one_line(scanlock, scans, tmp_path):
-    pair = (scans / "reference.npy", scans / "scene.npy")
+    pair = (scans / "source.npy", scans / "target.npy")
     path = tmp_path / "mine.toml"
     path.write_text('type = "SgcNdt"\nspacing = -1\n')
     done = scanlock("register", *pair, "--settings", path)

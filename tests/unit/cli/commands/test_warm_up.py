@@ -10,7 +10,7 @@ import numba
 import pytest
 
 from scanlock.cli.commands import warm_up
-from scanlock.cli.commands.warm_up import ordered, where_it_is_kept
+from scanlock.cli.commands.warm_up import cache_location, ordered
 
 _needs_compiler = pytest.mark.skipif(
     numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
@@ -73,7 +73,7 @@ def test_a_second_time_there_is_nothing_to_compile(scanlock):
 )
 def test_without_a_compiler_or_a_place_to_keep_it_the_remedy_is_named(monkeypatch, kernel, remedy):
     monkeypatch.setattr("scanlock.kernels.points.polar.polar_cells", kernel)
-    assert remedy in where_it_is_kept()
+    assert remedy in cache_location()
 
 
 def test_processes_that_share_the_work_begin_at_different_ends():
