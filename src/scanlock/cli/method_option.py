@@ -18,11 +18,11 @@ def chosen_method(name: MethodName | None, settings: Path | None) -> "str | Meth
     InvalidInput
         Both are given.
     """
-    from scanlock.registration.registry import DEFAULT_METHOD
+    from scanlock.registration.registry import DEFAULT_METHOD, named_method
     from scanlock.registration.settings.file import read_settings
 
     if settings is None:
-        return name or DEFAULT_METHOD
+        return named_method(name or DEFAULT_METHOD)[0]
     if name is not None:
         raise InvalidInput("give either --method or --settings: the settings file names its method")
     return read_settings(settings)

@@ -9,18 +9,9 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-MethodName = Literal[
-    "auto",
-    "sgc-ndt-d2d",
-    "sgc-ndt-p2d",
-    "gicp",
-    "vgicp",
-    "icp",
-    "icp-annealed",
-    "ndt",
-    "ndt-d2d",
-    "mskm-ndt",
-]
+MethodName = str
+"""Key of `METHODS`: built-in, registered, or offered by an installed package."""
+
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
 CovarianceName = Literal["sandwich", "hessian", "sampled"]
 FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]

@@ -184,10 +184,10 @@ def compare(
 def _methods(
     names: "Sequence[MethodName] | None", settings: "Sequence[Path]"
 ) -> "dict[str, Method[Any]]":
-    from scanlock.registration.registry import METHODS
+    from scanlock.registration.registry import METHODS, named_method
     from scanlock.registration.settings.file import read_settings
 
-    found: dict[str, Method[Any]] = {name: METHODS[name] for name in names or METHODS}
+    found: dict[str, Method[Any]] = dict(map(named_method, names or METHODS))
     for path in settings:
         if path.stem in found:
             raise InvalidInput(f"two methods have the name {path.stem}; rename {path.name}")

@@ -17,13 +17,14 @@ def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
 
     from scanlock.cli.console import print_line
     from scanlock.cli.output import make_room, require_ending
-    from scanlock.registration.registry import METHODS
+    from scanlock.registration.registry import named_method
     from scanlock.registration.settings.file import settings_to_toml, write_settings
 
+    _, chosen = named_method(method)
     if output is None:
-        sys.stdout.write(settings_to_toml(METHODS[method]))
+        sys.stdout.write(settings_to_toml(chosen))
         return
     require_ending(output, (".toml",), "the file of settings")
     make_room(output)
-    write_settings(output, METHODS[method])
+    write_settings(output, chosen)
     print_line(f"wrote {output}")
