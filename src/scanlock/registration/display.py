@@ -34,9 +34,9 @@ def metric_rows(metrics: Metrics) -> Rows:
                 f"{metrics.refinement_shift:.3f} m, to where it comes to rest on the surfaces",
             )
         )
-    if not math.isnan(metrics.violation):
+    if not math.isnan(metrics.free_space_violation):
         seen = "of what either scan shows stands where the other looked through"
-        rows.append(("violation", f"{metrics.violation:.0%} {seen}"))
+        rows.append(("free-space violation", f"{metrics.free_space_violation:.0%} {seen}"))
     if not math.isnan(metrics.runner_up_ratio):
         rows.append(("second best", f"another pose agrees {metrics.runner_up_ratio:.0%} as well"))
     return rows

@@ -23,7 +23,7 @@ from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.estimators import CovarianceEstimator
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
 from scanlock.registration.verification.assessment import assess_pose
-from scanlock.registration.verification.decision import decide
+from scanlock.registration.verification.decision import decide_status
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
@@ -152,7 +152,7 @@ def register(
             solution = replace(solution, pose=assessment.fix_degenerate(solution.pose, fixed_at))
             assessment = assess_pose(*both_features, solution.pose)
         probability_right = probability(assessment.metrics, assessment.directions)
-        status, reason = decide(solution, assessment, probability_right)
+        status, reason = decide_status(solution, assessment, probability_right)
     pose_covariance = None
     if uncertainty is not None:
         with clock.stage("covariance"), using_threads(threads):
@@ -163,13 +163,17 @@ def register(
         else:
             pose, place = frames.caller(solution.pose), frames.source_origin
             pose_covariance = PoseCovariance(
-                covariance_told[0], pose, place, uncertainty.method, covariance_told[1]
+                matrix=covariance_told[0],
+                pose=pose,
+                reference_point=place,
+                method=uncertainty.method,
+                blocks=covariance_told[1],
             )
     clock.seconds["total"] = time.perf_counter() - begin
     return RegistrationResult(
         frames.caller(solution.pose), status, reason, name, assessment.metrics, probability_right,
         assessment.directions, solution.history, clock.seconds, (*notes, *solution.notes),
-        tuple(one.at(frames.caller(one.target_from_source)) for one in found.candidates),
+        tuple(one.with_pose(frames.caller(one.target_from_source)) for one in found.candidates),
         pose_covariance,
         frames,
     )  # fmt: skip

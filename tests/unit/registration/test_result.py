@@ -20,9 +20,13 @@ _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 def _result(status=Status.OK, **metrics):
     history = (Iteration(-0.5, 0.1, 0.0, True, Pose.identity()),)
     timings = {"align": 0.25, "total": 0.5}
-    weak = DirectionObservability("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
-    firm = DirectionObservability("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
-    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "surface_overlap": 0.6}
+    weak = DirectionObservability(
+        kind="translation", axis=np.array([1.0, 0.0, 0.0]), ratio=0.001, deviation=0.5
+    )
+    firm = DirectionObservability(
+        kind="rotation", axis=np.array([0.0, 0.0, 1.0]), ratio=1.0, deviation=0.001
+    )
+    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "fitness": 0.6}
     known = Metrics(**{**seen, "score": 0.8, **metrics})
     return RegistrationResult(
         _POSE, status, "because", "a-method", known, 0.75, (weak, firm), history, timings,
@@ -48,7 +52,7 @@ def test_what_is_unknown_is_null_in_json():
     result = _result(Status.NO_CORRESPONDENCES, overlap=math.nan)
     metrics = json.loads(result.to_json())["metrics"]
     assert metrics["overlap"] is None
-    assert metrics["violation"] is None
+    assert metrics["free_space_violation"] is None
     assert metrics["score"] == 0.8
 
 
@@ -87,7 +91,7 @@ def test_only_directions_that_nothing_holds_are_weak():
 
 @pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
 def test_people_read_a_small_table(shown):
-    text = shown(_result(Status.DEGENERATE, violation=math.nan))
+    text = shown(_result(Status.DEGENERATE, free_space_violation=math.nan))
     for part in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
         assert part in text
     assert "violation" not in text
