@@ -3,16 +3,16 @@
 The gradients of all blocks of the scene cancel at the estimated pose. With other samples of the
 same scene they would cancel at another pose. The sandwich estimator of Huber and White predicts by
 how much, from the scatter of the gradients g of independent blocks: ``H^-1 (sum g g') H^-1``.
-Neighbouring correspondences are not independent: they lie on one surface and share its misfit. A
-block is therefore a cube of some metres. Each gradient is divided by the Hessian of the other
-blocks, one Newton step of the jackknife that leaves out one of U blocks at a time::
+Neighbouring correspondences are not independent: they lie on one surface, with one systematic
+error. A block is therefore a cube of some metres. Each gradient is divided by the Hessian of the
+other blocks, one Newton step of the jackknife that leaves out one of U blocks at a time::
 
     d_u = (H - H_u)^-1 g_u        C = (U - 1) / U sum (d_u - mean d) (d_u - mean d)'
 
 Errors common to all blocks do not scatter: a sensor sees every surface from one side, and its rings
 draw the same pattern on all ground. Their size was measured: one factor for each method, and one
-inflation of roll and pitch for all methods, since the height error of rings has opposite signs
-ahead and behind.
+inflation of roll and pitch for all methods. The height error of rings has opposite signs ahead and
+behind, which acts on these two.
 """
 
 import math

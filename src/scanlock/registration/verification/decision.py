@@ -24,7 +24,7 @@ of equal houses the correct pose scores down to 0.78 of a false one. 262 whole r
 
 MAX_SHIFTED_SCORE_RATIO = 0.9
 """Ambiguity threshold: best score of the shifted source divided by the score at the pose. Endless
-corridors reach 1; whole real scans with long walls or rows of trees reach 0.8."""
+corridors exceed it; whole real scans with long walls or rows of trees reach 0.8."""
 
 MAX_REFINEMENT_SHIFT = 0.2
 """Maximum refinement shift [m] of an accurate pose. It is two thirds of the tolerance of a correct

@@ -89,16 +89,16 @@ class LocalPlanes:
         )
 
 
-def concatenated(parts: Sequence[LocalPlanes]) -> LocalPlanes:
+def concatenated(sets: Sequence[LocalPlanes]) -> LocalPlanes:
     """Return the planes of several sets as one, in the order given."""
     return LocalPlanes(
-        has_plane=np.concatenate([one.has_plane for one in parts]),
-        points=np.concatenate([one.points for one in parts]),
-        normals=np.concatenate([one.normals for one in parts]),
-        residuals=np.concatenate([one.residuals for one in parts]),
-        normal_covariances=np.concatenate([one.normal_covariances for one in parts]),
-        flatness=np.concatenate([one.flatness for one in parts]),
-        thickness=np.concatenate([one.thickness for one in parts]),
+        has_plane=np.concatenate([one.has_plane for one in sets]),
+        points=np.concatenate([one.points for one in sets]),
+        normals=np.concatenate([one.normals for one in sets]),
+        residuals=np.concatenate([one.residuals for one in sets]),
+        normal_covariances=np.concatenate([one.normal_covariances for one in sets]),
+        flatness=np.concatenate([one.flatness for one in sets]),
+        thickness=np.concatenate([one.thickness for one in sets]),
     )
 
 
@@ -203,8 +203,8 @@ def _normal_covariances(
 ) -> NDArray[np.float64]:
     """Return the (k, 3, 3) covariances of the normals of planes fitted by least squares.
 
-    The variance of a rotation about one in-plane axis is the variance of the plane along its
-    normal divided by that along the other axis and by the number of points.
+    The variance of the angle about an in-plane axis is ``v_normal / (n v_other)``, with the
+    variances along the normal and along the other in-plane axis, and n points.
     """
     rotations = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
     in_plane = axes[:, 1:]

@@ -28,9 +28,9 @@ class Metrics:
     inlier_rmse : float [m]
         Root mean squared distance between the query points of either scan and planes fitted to
         the other scan, over the inliers. A plane is fitted within 0.5 m, or 1 or 2 m where points
-        are sparse; inliers are query points with a plane, which takes eight points off a line.
-        Lower is better: noise and roughness cause centimetres, sparse scans decimetres. NaN
-        without inliers.
+        are sparse. Inliers are the query points with a plane: at least eight neighbours, not on
+        a line. Lower is better: noise and roughness cause centimetres, sparse scans decimetres.
+        NaN without inliers.
     roughness : float [m]
         The inlier RMSE of each scan with itself, root mean square of both: the effect of noise,
         roughness and sparseness at any pose.
@@ -40,18 +40,18 @@ class Metrics:
     fitness : float
         Fraction of the source's query points that are inliers, in [0, 1]. Higher is better.
     refinement_shift : float [m]
-        Distance by which point-to-plane refinement, at most four Gauss-Newton steps, would move
-        the source at 17 m from its origin, where a degree is 0.3 m. Lower is better: correct
-        poses have centimetres. NaN with fewer than twelve planes.
+        Distance by which point-to-plane refinement would move the source at 17 m from its origin,
+        where a degree is 0.3 m. Refinement takes at most four Gauss-Newton steps. Lower is
+        better: correct poses have centimetres. NaN with fewer than twelve planes.
     free_space_violation : float
         Fraction of Gaussians in the free space of the other scan, among those in its field of
         view and not occluded; mean of both scans, in [0, 1]. Lower is better: moving objects
         cause 0.1. NaN if no frame has its origin at the sensor.
     runner_up_ratio : float
         Agreement of the best other pose divided by that of the estimate, at least 0. Lower is
-        better; 1 is a tie. Other poses are the other candidates of a search, by the product of
-        overlap, score and plausibility; and the source shifted by 0.75 to 10 m along the two
-        least constrained translations, by score.
+        better; 1 is a tie. Other poses are the candidates of a search, compared by overlap, score
+        and plausibility. They are also the source shifted by 0.75 to 10 m along the two least
+        constrained translations, compared by score.
     """
 
     overlap: float = math.nan

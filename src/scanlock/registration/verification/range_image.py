@@ -68,7 +68,8 @@ class RangeImager:
     """Number of cells along each side of the six faces; 90 give one cell per degree."""
 
     neighbourhood: int = 1
-    """Cells around a cell whose ranges count too, so that an edge off by a cell frees no space."""
+    """Number of neighbouring cells on either side whose ranges count for a cell too: an edge off
+    by one cell then frees no space."""
 
     margin: float = 0.2
     """Distance [m] in front of the range of its cell from which a point is in free space."""
