@@ -54,7 +54,7 @@ def test_a_failure_says_why_and_a_better_start_mends_it():
 
     lost = scanlock.register(source=scene, target=reference, method="sgc-ndt-d2d")
     assert not lost.ok
-    assert lost.status is scanlock.Status.LOW_OVERLAP
+    assert lost.status is scanlock.Status.UNVERIFIED
     assert "pose is likely wrong" in lost.reason
 
     # A compass that is 20 degrees off, and a position that is 2 m off, are enough.

@@ -32,9 +32,12 @@ def metric_rows(metrics: Metrics) -> Rows:
                 f"would move the pose by {metrics.refinement_shift:.3f} m, point to plane",
             )
         )
-    if not math.isnan(metrics.violation):
+    if not math.isnan(metrics.free_space_violation):
         rows.append(
-            ("free space", f"{metrics.violation:.0%} of clusters in the other's free space")
+            (
+                "free space",
+                f"{metrics.free_space_violation:.0%} of clusters in the other's free space",
+            )
         )
     if not math.isnan(metrics.runner_up_ratio):
         rows.append(("runner-up", f"scores {metrics.runner_up_ratio:.0%} of the pose"))

@@ -23,7 +23,7 @@ from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.estimators import CovarianceEstimator
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
 from scanlock.registration.verification.assessment import Assessment, assess_pose
-from scanlock.registration.verification.decision import decide
+from scanlock.registration.verification.decision import decide_status
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
@@ -206,7 +206,13 @@ class _Call:
             self.notes.append(f"no covariance: {found}")
             return None
         pose, point = self.origins.caller(solution.pose), self.origins.source_origin
-        return PoseCovariance(found[0], pose, point, estimator.method, found[1])
+        return PoseCovariance(
+            matrix=found[0],
+            pose=pose,
+            reference_point=point,
+            method=estimator.method,
+            blocks=found[1],
+        )
 
     def result(
         self,
@@ -221,7 +227,7 @@ class _Call:
             status, reason = _unverified(solution.reason)
         else:
             right = probability(assessment.metrics, assessment.directions)
-            status, reason = decide(solution, assessment, right)
+            status, reason = decide_status(solution, assessment, right)
         caller = self.origins.caller
         return RegistrationResult(
             target_from_source=caller(solution.pose),
@@ -236,7 +242,9 @@ class _Call:
             history=solution.history,
             timings={**self.clock.seconds, "total": seconds},
             notes=(*self.notes, *solution.notes),
-            candidates=tuple(one.at(caller(one.target_from_source)) for one in solution.candidates),
+            candidates=tuple(
+                one.with_pose(caller(one.target_from_source)) for one in solution.candidates
+            ),
             covariance=covariance,
             origins=self.origins,
         )

@@ -182,7 +182,7 @@ class RegistrationResult:
                     "overlap": _number(one.overlap),
                     "target_overlap": _number(one.target_overlap),
                     "score": _number(one.score),
-                    "violation": _number(one.violation),
+                    "free_space_violation": _number(one.free_space_violation),
                 }
                 for one in self.candidates
             ],

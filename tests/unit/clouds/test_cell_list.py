@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from reference import probing as reference
+from reference import neighbourhood_sums as reference
 from scanlock.clouds.cell_list import CellList
 from scanlock.errors import InvalidInput
 

@@ -20,8 +20,12 @@ _POSE = yaw_pose(math.pi / 6.0, (3.0, 4.0, 0.0))
 def _result(status=Status.OK, **metrics):
     history = (Iteration(-0.5, 0.1, 0.0, True, Pose.identity()),)
     timings = {"align": 0.25, "total": 0.5}
-    degenerate = DirectionObservability("translation", np.array([1.0, 0.0, 0.0]), 0.001, 0.5)
-    constrained = DirectionObservability("rotation", np.array([0.0, 0.0, 1.0]), 1.0, 0.001)
+    degenerate = DirectionObservability(
+        kind="translation", axis=np.array([1.0, 0.0, 0.0]), ratio=0.001, deviation=0.5
+    )
+    constrained = DirectionObservability(
+        kind="rotation", axis=np.array([0.0, 0.0, 1.0]), ratio=1.0, deviation=0.001
+    )
     seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "fitness": 0.6}
     known = Metrics(**{**seen, "score": 0.8, **metrics})
     return RegistrationResult(
@@ -59,7 +63,7 @@ def test_nan_is_null_in_json():
     result = _result(Status.NO_CORRESPONDENCES, overlap=math.nan)
     metrics = json.loads(result.to_json())["metrics"]
     assert metrics["overlap"] is None
-    assert metrics["violation"] is None
+    assert metrics["free_space_violation"] is None
     assert metrics["score"] == 0.8
 
 
@@ -101,10 +105,10 @@ def test_only_unconstrained_directions_are_degenerate():
 
 @pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
 def test_str_and_html_show_a_small_table(shown):
-    text = shown(_result(Status.DEGENERATE, violation=math.nan))
+    text = shown(_result(Status.DEGENERATE, free_space_violation=math.nan))
     for part in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
         assert part in text
-    assert "violation" not in text
+    assert "free space" not in text
     assert "nan" not in text
 
 

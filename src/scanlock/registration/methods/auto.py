@@ -18,7 +18,7 @@ from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
 from scanlock.registration.search.cluster_matching import ClusterMatcher
 from scanlock.registration.search.hypothesis import Hypothesis, distinct
-from scanlock.registration.verification.agreement import candidate_at, violation
+from scanlock.registration.verification.agreement import candidate_at, free_space_violation
 from scanlock.registration.verification.candidate import INITIAL, Candidate, plausibility
 from scanlock.registration.verification.features import VerificationFeatures, features_from_clusters
 from scanlock.registration.verification.range_image import RangeImager
@@ -190,7 +190,7 @@ class Auto(Method[AutoScan]):
             proposed = self.fallback_search.hypotheses(target.bev_grid, source.bev_grid)
         features = target.features, source.features
         proposed.sort(
-            key=lambda one: one.weight * plausibility(violation(*features, one.pose)),
+            key=lambda one: one.weight * plausibility(free_space_violation(*features, one.pose)),
             reverse=True,
         )
         proposed = proposed[:_MOST_IN_DOUBT]
@@ -221,7 +221,7 @@ class Auto(Method[AutoScan]):
             source.gaussians,
             [replace(one, pose=constraints.held(one.pose, start)) for one in hypotheses],
             constraints,
-            lambda pose: plausibility(violation(target.features, source.features, pose)),
+            lambda pose: plausibility(free_space_violation(target.features, source.features, pose)),
         )
         return [self._refined(target, source, one, constraints) for one in ended], history
 

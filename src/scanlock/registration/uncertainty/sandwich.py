@@ -1,4 +1,4 @@
-"""The scatter of gradients as the covariance of a minimum, with each unit left out in turn."""
+"""Sandwich covariance of a minimum, by a jackknife that leaves out one block at a time."""
 
 from dataclasses import dataclass
 
@@ -6,22 +6,27 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Vector
 
-_MOST_LEVERAGE = 0.9
-"""No unit counts as holding more than this share of a direction: what the others say of it is
-then known ten times as badly."""
+_MAX_LEVERAGE = 0.9
+"""Maximum fraction of the Hessian along a direction that one block may contribute. Without such a
+block the direction is known ten times worse."""
+
+_MIN_CURVATURE_RATIO = 1e-10
+"""Minimum ratio of the smallest to the largest curvature of a minimum; less is rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class BlockTerms:
-    """What pieces of a scene add to an objective at its minimum.
+    """Contributions of k cells of a scene to the derivatives of an objective at its minimum.
 
     Attributes
     ----------
     gradients : (k, p)
+        Contributions to the gradient.
     hessians : (k, p, p)
+        Contributions to the Hessian.
     grids : tuple of (k,)
-        The unit that each piece belongs to, from 0 on, none of them empty; in one or more ways,
-        over which the covariance is a mean.
+        Block of each cell, from 0 without gaps, for one or more grids of blocks. The covariance
+        is the mean over the grids.
     """
 
     gradients: Matrix
@@ -29,90 +34,90 @@ class BlockTerms:
     grids: tuple[Labels, ...]
 
 
-def sandwich(shares: BlockTerms, root: Matrix) -> tuple[Matrix, float]:
-    """Return the (p, p) whitened covariance of the minimum, and the effective number of units.
+def sandwich_covariance(terms: BlockTerms, whitening: Matrix) -> tuple[Matrix, float]:
+    """Return the whitened (p, p) covariance of the minimum, and the effective number of blocks.
 
     Parameters
     ----------
-    shares : Shares
-    root : (p, p)
-        Whitens the Hessian H of the whole: ``root' H root = I``; ``root C root'`` is then the
-        covariance in the units of a step.
+    terms : BlockTerms
+    whitening : (p, p)
+        Whitening matrix W of the total Hessian H, ``W' H W = I``. With the result C,
+        ``W C W'`` is the covariance of a step.
 
     Notes
     -----
-    With few units the scatter itself is unsure, and the mean of Hotelling's statistic is above
-    the number of directions: by a share of (p + 1) over the number of units, to first order.
+    With few blocks the scatter itself is uncertain: to first order, the mean of Hotelling's
+    statistic exceeds the number of directions by a fraction of (p + 1) over the number of blocks.
     """
-    size = len(root)
-    covariance, effective = np.zeros((size, size)), 0.0
-    for labels in shares.grids:
-        gradients = _summed(shares.gradients, labels) @ root
-        hessians = root.T @ _summed(shares.hessians, labels) @ root
+    size = len(whitening)
+    covariance, effective_blocks = np.zeros((size, size)), 0.0
+    for labels in terms.grids:
+        gradients = _sums_by_label(terms.gradients, labels) @ whitening
+        hessians = whitening.T @ _sums_by_label(terms.hessians, labels) @ whitening
         weights = np.trace(hessians, axis1=1, axis2=2) / size
-        units = 1.0 / float(weights @ weights)
-        inflated = 1.0 + (size + 1.0) / units
-        covariance += inflated / len(shares.grids) * jackknife(steps_without(gradients, hessians))
-        effective += units / len(shares.grids)
-    return covariance, effective
+        blocks = 1.0 / float(weights @ weights)
+        inflation = 1.0 + (size + 1.0) / blocks
+        steps = leave_one_out_steps(gradients, hessians)
+        covariance += inflation / len(terms.grids) * jackknife_covariance(steps)
+        effective_blocks += blocks / len(terms.grids)
+    return covariance, effective_blocks
 
 
-def steps_without(gradients: Matrix, hessians: Matrix) -> Matrix:
-    """Return the (u, p) Newton steps that lead to the minimum without each of the units.
+def leave_one_out_steps(gradients: Matrix, hessians: Matrix) -> Matrix:
+    """Return the (b, p) Newton steps to the minimum without each of b blocks.
 
     Parameters
     ----------
-    gradients : (u, p)
-    hessians : (u, p, p)
-        Of each unit, whitened: those of all units, and of a prior, add up to the identity.
+    gradients : (b, p)
+        Whitened gradient of each block.
+    hessians : (b, p, p)
+        Whitened Hessian of each block; those of all blocks and of a prior sum to the identity.
     """
-    heavy = np.flatnonzero(np.linalg.norm(hessians, axis=(1, 2)) > _MOST_LEVERAGE)
-    if len(heavy):
-        leverages, axes = np.linalg.eigh(hessians[heavy])
-        capped = np.minimum(leverages, _MOST_LEVERAGE)
+    dominant = np.flatnonzero(np.linalg.norm(hessians, axis=(1, 2)) > _MAX_LEVERAGE)
+    if len(dominant):
+        leverages, axes = np.linalg.eigh(hessians[dominant])
+        leverages = np.minimum(leverages, _MAX_LEVERAGE)
         hessians = hessians.copy()
-        hessians[heavy] = (axes * capped[:, None, :]) @ axes.transpose(0, 2, 1)
-    left = np.eye(hessians.shape[1]) - hessians
-    return np.linalg.solve(left, gradients[:, :, None])[:, :, 0].astype(np.float64, copy=False)
+        hessians[dominant] = (axes * leverages[:, None, :]) @ axes.transpose(0, 2, 1)
+    remaining = np.eye(hessians.shape[1]) - hessians
+    return np.linalg.solve(remaining, gradients[:, :, None])[:, :, 0].astype(np.float64, copy=False)
 
 
-def jackknife(steps: Matrix) -> Matrix:
-    """Return the covariance of an estimate that moves by (u, p) steps with one unit left out."""
+def jackknife_covariance(steps: Matrix) -> Matrix:
+    """Return the covariance of an estimate from its (b, p) leave-one-out steps."""
     centred = steps - steps.mean(axis=0)
     return (len(steps) - 1.0) / len(steps) * (centred.T @ centred)
 
 
-def tilted(covariance: Matrix, rows: Labels, times: float) -> Matrix:
-    """Return a (p, p) covariance with errors along some of its rows so many times as large.
+def inflated(covariance: Matrix, rows: Labels, factor: float) -> Matrix:
+    """Return a (p, p) covariance with the standard deviations of some rows inflated.
 
-    What hangs on them moves along: errors are those foretold by these rows, which grow, and the
-    rest, which stays. So it is the same whichever point of the scene the translation is told of.
+    Errors of the other rows that are predicted by these rows grow with them; the rest of their
+    errors stays. The result is therefore the same for any reference point of the translation.
     """
-    shared = covariance[:, rows]
-    foretold = shared @ np.linalg.solve(covariance[np.ix_(rows, rows)], shared.T)
-    return covariance + (times**2 - 1.0) * foretold
+    cross = covariance[:, rows]
+    predicted = cross @ np.linalg.solve(covariance[np.ix_(rows, rows)], cross.T)
+    return covariance + (factor**2 - 1.0) * predicted
 
 
-def root_of(hessian: Matrix, scale: Vector) -> Matrix | None:
-    """Return the matrix that whitens a Hessian; None where it holds no minimum.
+def whitening_matrix(hessian: Matrix, scales: Vector) -> Matrix | None:
+    """Return the whitening matrix of a Hessian; None if it is not positive definite.
 
     Parameters
     ----------
     hessian : (p, p)
-    scale : (p,)
-        Makes its directions comparable: 1 for translations, a length [m] for rotations.
+    scales : (p,)
+        Scales of the directions, which make their curvatures comparable: 1 for translations, a
+        length [m] for rotations.
     """
-    curvatures, axes = np.linalg.eigh(hessian / np.outer(scale, scale))
-    if not curvatures[0] > _LEAST_RATIO * curvatures[-1]:
+    curvatures, axes = np.linalg.eigh(hessian / np.outer(scales, scales))
+    if not curvatures[0] > _MIN_CURVATURE_RATIO * curvatures[-1]:
         return None
-    return axes / np.sqrt(curvatures) / scale[:, None]
+    return axes / np.sqrt(curvatures) / scales[:, None]
 
 
-def _summed(values: Matrix, labels: Labels) -> Matrix:
+def _sums_by_label(values: Matrix, labels: Labels) -> Matrix:
+    """Return the sums of the rows of each label."""
     order = np.argsort(labels, kind="stable")
     firsts = np.flatnonzero(np.diff(labels[order], prepend=-1))
     return np.add.reduceat(values[order], firsts, axis=0)
-
-
-_LEAST_RATIO = 1e-10
-"""Curvatures below this share of the largest are rounding."""

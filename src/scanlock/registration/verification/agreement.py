@@ -1,42 +1,50 @@
-"""How well two scans agree at a pose, as far as a search weighs it for each of its candidates."""
+"""Overlap, score and free-space violation of two scans at a pose."""
 
 import math
 
 from scanlock.geometry.pose import Pose
-from scanlock.registration.verification.candidate import HALVING_VIOLATION, Candidate
+from scanlock.registration.verification.candidate import MAX_FREE_SPACE_VIOLATION, Candidate
 from scanlock.registration.verification.features import VerificationFeatures
-from scanlock.registration.verification.overlap import overlaps_and_score
+from scanlock.registration.verification.overlap import overlap_and_score
 
 
 def candidate_at(
     target: VerificationFeatures, source: VerificationFeatures, pose: Pose, proposed_by: str
 ) -> Candidate:
-    """Return a pose with what speaks for it."""
-    overlap, target_overlap, score = overlaps_and_score(
+    """Evaluate a pose as a candidate."""
+    overlap, target_overlap, score = overlap_and_score(
         target.gaussians, source.gaussians, pose, (target.self_score, source.self_score)
     )
     return Candidate(
-        pose, proposed_by, overlap, target_overlap, score, violation(target, source, pose)
+        target_from_source=pose,
+        proposed_by=proposed_by,
+        overlap=overlap,
+        target_overlap=target_overlap,
+        score=score,
+        free_space_violation=free_space_violation(target, source, pose),
     )
 
 
-def violation(target: VerificationFeatures, source: VerificationFeatures, pose: Pose) -> float:
-    """Return the mean over both scans of the share that lies where the other looked through.
+def free_space_violation(
+    target: VerificationFeatures, source: VerificationFeatures, pose: Pose
+) -> float:
+    """Return the fraction of Gaussians in the free space of the other scan, mean of both scans.
 
-    NaN where neither image can tell anything at all, for want of a sensor at its origin.
+    NaN if neither scan has a range image, that is, if no frame has its origin at the sensor. If
+    neither image sees enough Gaussians, the violation is the threshold of a plausible pose.
     """
-    shares = [
-        seer.range_image.free_space_violation(
-            seen.gaussians.means, seer_from_seen, seen.gaussians.weights(0.0)
+    ratios = [
+        viewer.range_image.free_space_violation(
+            other.gaussians.means, viewer_from_other, other.gaussians.weights(0.0)
         )
-        for seer, seen, seer_from_seen in (
+        for viewer, other, viewer_from_other in (
             (target, source, pose),
             (source, target, pose.inverse()),
         )
-        if seer.range_image is not None
+        if viewer.range_image is not None
     ]
-    if not shares:
+    if not ratios:
         return math.nan
-    known = [ratio for ratio in shares if not math.isnan(ratio)]
-    # Nothing to see where there should be something is no recommendation either.
-    return sum(known) / len(known) if known else HALVING_VIOLATION
+    known = [ratio for ratio in ratios if not math.isnan(ratio)]
+    # Gaussians out of view are no evidence for the pose either.
+    return sum(known) / len(known) if known else MAX_FREE_SPACE_VIOLATION

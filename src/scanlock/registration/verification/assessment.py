@@ -1,4 +1,4 @@
-"""A pose looked at from all sides: what the verdict and the probability are made of."""
+"""Assessment of a pose: its metrics and its observability, for the probability and the status."""
 
 import math
 from collections.abc import Sequence
@@ -8,55 +8,55 @@ import numpy as np
 
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
-from scanlock.registration.verification.candidate import Candidate, runner_up_ratio
+from scanlock.registration.verification.candidate import Candidate, agreement_ratio
 from scanlock.registration.verification.features import VerificationFeatures
-from scanlock.registration.verification.local_planes import joined
+from scanlock.registration.verification.local_planes import concatenated
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.observability import DirectionObservability, Observability
-from scanlock.registration.verification.overlap import slide_ratio
+from scanlock.registration.verification.overlap import shifted_score_ratio
 from scanlock.registration.verification.refinement import refine_pose
 
-_LEAST_SLIDE = 0.75
-"""A source slid by less [m] is no rival: parts are about as wide as that."""
+_MIN_SHIFT = 0.75
+"""Minimum shift of the source [m] that counts as another pose: about the size of a cluster."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Assessment:
-    """What two scans say about a pose between them.
+    """Metrics and observability of a pose between two scans.
 
     Attributes
     ----------
     metrics : Metrics
-    hold : Hold or None
-        How firmly the surfaces they share hold it, where it comes to rest on them; None where they
-        share too few.
-    rival : float
-        How well another pose that a search finished stands, as a share, by what the choice
-        was made by; NaN without a search.
-    slide : float
-        How well the source agrees slid along what holds it least, as a share; NaN if unknown.
+    observability : Observability or None
+        Observability of the refined pose; None if the scans share too few planes.
+    runner_up_ratio : float
+        Ranking value of the second candidate of a search divided by that of the chosen one; NaN
+        without a search.
+    shifted_score_ratio : float
+        Best score of the source shifted along its least constrained directions, divided by the
+        score at the pose; NaN if unknown.
     """
 
     metrics: Metrics
     observability: Observability | None
-    runner_up: float = math.nan
-    slide_ratio: float = math.nan
+    runner_up_ratio: float = math.nan
+    shifted_score_ratio: float = math.nan
 
     @property
     def directions(self) -> tuple[DirectionObservability, ...]:
-        """The directions of the hold, or none."""
+        """Observability of each direction; empty if the scans share too few planes."""
         return () if self.observability is None else self.observability.directions
 
     @property
     def degenerate(self) -> tuple[DirectionObservability, ...]:
-        """The directions that nothing holds."""
+        """Degenerate directions."""
         return () if self.observability is None else self.observability.degenerate
 
     def fix_degenerate(self, pose: Pose, prior: Pose) -> Pose:
-        """Return the pose with its weak directions as in the prior; see `Observability`."""
-        return (
-            pose if self.observability is None else self.observability.fix_degenerate(pose, prior)
-        )
+        """Return the pose with its degenerate directions as in the prior; see `Observability`."""
+        if self.observability is None:
+            return pose
+        return self.observability.fix_degenerate(pose, prior)
 
 
 def assess_pose(
@@ -64,45 +64,48 @@ def assess_pose(
     source: VerificationFeatures,
     pose: Pose,
     candidates: Sequence[Candidate] = (),
-    runner_up: float = math.nan,
+    runner_up_ratio: float = math.nan,
 ) -> Assessment:
-    """Return what two scans say about a pose, target from source in their local frames.
+    """Assess a pose, target from source in the local frames of the scans.
 
     Parameters
     ----------
-    target, source : Evidence
+    target, source : VerificationFeatures
     pose : Pose
     candidates : sequence of Candidate
-        Where a search chose the pose, what it chose from, the chosen one first.
-    rival : float
-        How well the second of them stands, as a share of the first.
+        Candidates of the search that chose the pose, the chosen one first; empty without a
+        search.
+    runner_up_ratio : float
+        Ranking value of the second candidate divided by that of the first. Unlike their
+        agreements, it includes the prior and the preference for the initial pose.
     """
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
-    settled = refine_pose(target, source, pose)
-    has_plane, observability = settled.forward.has_plane, settled.observability
-    slides = [
-        slide_ratio(target.gaussians, source.gaussians, pose, one.axis, _LEAST_SLIDE)
+    refinement = refine_pose(target, source, pose)
+    observability = refinement.observability
+    shifted = [
+        shifted_score_ratio(target.gaussians, source.gaussians, pose, one.axis, _MIN_SHIFT)
         for one in (() if observability is None else observability.directions[:2])
     ]
+    has_plane = refinement.target_planes.has_plane
     return Assessment(
-        Metrics(
+        metrics=Metrics(
             overlap=chosen.overlap,
             target_overlap=chosen.target_overlap,
             score=chosen.score,
-            inlier_rmse=joined([settled.forward, settled.backward]).roughness,
+            inlier_rmse=concatenated([refinement.target_planes, refinement.source_planes]).rmse,
             roughness=math.hypot(target.roughness, source.roughness) / math.sqrt(2.0),
-            outlier_ratio=settled.surface.outlier_ratio,
+            outlier_ratio=refinement.refined_planes.outlier_ratio,
             fitness=float(np.mean(has_plane)) if len(has_plane) else math.nan,
-            refinement_shift=settled.refinement_shift,
-            violation=chosen.violation,
-            runner_up_ratio=_most([runner_up_ratio(candidates), *slides]),
+            refinement_shift=refinement.refinement_shift,
+            free_space_violation=chosen.free_space_violation,
+            runner_up_ratio=_max_known([agreement_ratio(candidates), *shifted]),
         ),
-        observability,
-        runner_up,
-        _most(slides),
+        observability=observability,
+        runner_up_ratio=runner_up_ratio,
+        shifted_score_ratio=_max_known(shifted),
     )
 
 
-def _most(shares: Sequence[float]) -> float:
-    """Return the largest that is known, NaN without any."""
-    return max((ratio for ratio in shares if not math.isnan(ratio)), default=math.nan)
+def _max_known(ratios: Sequence[float]) -> float:
+    """Return the largest number that is not NaN; NaN if there is none."""
+    return max((ratio for ratio in ratios if not math.isnan(ratio)), default=math.nan)

@@ -1,4 +1,4 @@
-"""A finished pose among those that a search had to choose from, and what speaks for it."""
+"""Candidate poses of a search, with the numbers that rank them."""
 
 import math
 from collections.abc import Sequence
@@ -7,36 +7,35 @@ from dataclasses import dataclass, replace
 from scanlock.geometry.pose import Pose
 
 INITIAL = "initial pose"
-"""The maker of candidates that the caller asked for."""
+"""Value of `Candidate.proposed_by` for candidates refined from the caller's initial pose."""
 
-HALVING_VIOLATION = 0.15
-"""A violation that halves what speaks for a pose, and what is put where too little can be seen.
+MAX_FREE_SPACE_VIOLATION = 0.15
+"""Free-space violation from which a pose is implausible; its plausibility is then one half.
+Correct poses of 238 real pairs have up to 0.14."""
 
-Right poses of 238 pairs of scans had up to 0.14."""
 
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Candidate:
-    """One finished pose.
+    """A refined pose with its overlap, score and free-space violation; see `Metrics`.
 
     Attributes
     ----------
     target_from_source : Pose
-        Between the same frames as the pose of the result.
-    maker : str
-        What proposed it: "heading search", "cluster matching", "prior", "initial pose", or
-        "identity" where none of these led anywhere.
+        The pose, between the same frames as the pose of the result.
+    proposed_by : str
+        Origin of the pose: the name of a search, "prior", "initial pose", or "identity" where
+        none of these led to a pose.
     overlap : float
-        Share of the source's parts that meet a part of the target, in [0, 1].
+        Weighted fraction of the source's Gaussians that overlap a Gaussian of the target, in
+        [0, 1].
     target_overlap : float
-        Share of the target's parts that meet a part of the source, in [0, 1].
+        Weighted fraction of the target's Gaussians that overlap a Gaussian of the source, in
+        [0, 1].
     score : float
-        Correlation of the two scans' Gaussians, in [0, 1].
-    violation : float
-        Share of the parts of either scan that lie where the other one looked through, in [0, 1];
-        NaN where that cannot be told.
-
-    `scanlock.registration.verification.metrics.Metrics` says exactly what the numbers are.
+        Normalised D2D score of the two sets of Gaussians, in [0, 1].
+    free_space_violation : float
+        Fraction of either scan's Gaussians in the free space of the other scan, in [0, 1]; NaN
+        if unknown.
     """
 
     target_from_source: Pose
@@ -44,37 +43,42 @@ class Candidate:
     overlap: float
     target_overlap: float
     score: float
-    violation: float
+    free_space_violation: float
 
     @property
     def agreement(self) -> float:
-        """Overlap times score times plausibility, in [0, 1]."""
-        return self.overlap * self.score * plausibility(self.violation)
+        """Product of overlap, score and `plausibility`, in [0, 1]."""
+        return self.overlap * self.score * plausibility(self.free_space_violation)
 
     @property
     def is_plausible(self) -> bool:
-        """Whether it violates free space as little as right poses do, or none can tell."""
-        return math.isnan(self.violation) or self.violation < HALVING_VIOLATION
+        """Whether the free-space violation is below the threshold, or unknown."""
+        return (
+            math.isnan(self.free_space_violation)
+            or self.free_space_violation < MAX_FREE_SPACE_VIOLATION
+        )
 
-    def at(self, pose: Pose) -> "Candidate":
-        """Return the candidate with its pose given between other frames."""
+    def with_pose(self, pose: Pose) -> "Candidate":
+        """Return the candidate with another pose, such as the same pose in other frames."""
         return replace(self, target_from_source=pose)
 
 
-def plausibility(violation: float) -> float:
-    """Return a factor to what speaks for a pose: 1 without violation, a half at 0.15.
+def plausibility(free_space_violation: float) -> float:
+    """Return the plausibility of a free-space violation: 1 for none or NaN, a half at 0.15.
 
-    Cars that moved are few, and walls in the open many.
+    It falls slowly enough to tolerate moved cars, and far enough to reject walls in free space.
     """
-    return 1.0 if math.isnan(violation) else 1.0 / (1.0 + violation / HALVING_VIOLATION)
+    if math.isnan(free_space_violation):
+        return 1.0
+    return 1.0 / (1.0 + free_space_violation / MAX_FREE_SPACE_VIOLATION)
 
 
-def runner_up_ratio(candidates: Sequence[Candidate]) -> float:
-    """Return the agreement of the best rival of the first candidate as a share of its own.
+def agreement_ratio(candidates: Sequence[Candidate]) -> float:
+    """Return the best agreement of the other candidates divided by that of the first.
 
-    0 where there is no rival; NaN where nothing was judged.
+    0 for a single candidate; NaN without candidates, or if the first has no agreement.
     """
     if not candidates or candidates[0].agreement <= 0.0:
         return math.nan
-    rivals = [one.agreement for one in candidates[1:]]
-    return max(rivals, default=0.0) / candidates[0].agreement
+    others = [one.agreement for one in candidates[1:]]
+    return max(others, default=0.0) / candidates[0].agreement

@@ -1,4 +1,4 @@
-"""How firmly the parts of a scan hold a pose: poles and crowns are no planes, and hold it too."""
+"""Constraints on a pose from cluster Gaussians: poles and trunks constrain it without planes."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -7,25 +7,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, Vector, frozen
-from scanlock.geometry.rotations import hat, hats
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import hats
 from scanlock.models.gaussians import Gaussians
 
 MotionKind = Literal["translation", "rotation"]
 
-PARTS: dict[MotionKind, slice] = {"translation": slice(0, 3), "rotation": slice(3, 6)}
-"""Of a step ``(rho, phi)``."""
+STEP_SLICES: dict[MotionKind, slice] = {"translation": slice(0, 3), "rotation": slice(3, 6)}
+"""Components of a step ``(rho, phi)`` by kind of motion."""
+
+_POWER = 4
+"""Exponent of ``1 - variance / largest variance``: it separates thin axes from axes along which a
+cluster was cut somewhat shorter than its longest axis."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ClusterConstraints:
-    """What the thin sides of a scan's parts hold of a pose, about the zero of its frame.
+    """Information on a pose from the thin axes of a scan's cluster Gaussians.
 
     Attributes
     ----------
     information : (6, 6)
-        Of a step ``(rho, phi)``, scaled so that the translation held best has 1.
-    possible : (6, 6)
-        What it would be if every part held all directions alike, and one in all.
+        Information matrix of a step ``(rho, phi)`` about the origin of the scan's frame, scaled
+        such that the best constrained translation has 1.
+    max_information : (6, 6)
+        Information matrix if every Gaussian constrained all directions, with a total weight of 1.
     """
 
     information: Matrix
@@ -36,65 +42,76 @@ class ClusterConstraints:
         frozen(self.max_information)
 
     @classmethod
-    def none(cls) -> "ClusterConstraints":
-        """Return that of a scan without parts."""
-        return cls(np.zeros((6, 6)), np.eye(6))
+    def unconstrained(cls) -> "ClusterConstraints":
+        """Return the constraints of a scan without clusters."""
+        return cls(information=np.zeros((6, 6)), max_information=np.eye(6))
 
-    def shares(self, kind: MotionKind, axes: Matrix, origin: Vector) -> Vector:
-        """Return (k,) how firmly motions along or about the columns of (3, k) axes are held.
+    def ratios(self, kind: MotionKind, axes: Matrix, origin: Vector) -> Vector:
+        """Return the (k,) ratios of the information to its maximum, in [0, 1].
 
-        In [0, 1], over what is possible; rotations are those about `origin` (3,) [m], when the
-        translation may give way.
+        Parameters
+        ----------
+        kind : str
+            "translation" or "rotation".
+        axes : (3, k)
+            Unit vectors along or about which the source moves.
+        origin : (3,) [m]
+            Centre of the rotations. The translation is marginalised, so it may compensate them.
         """
-        held, max_information = (
-            _about(information, origin, kind)
-            for information in (self.information, self.max_information)
+        information, max_information = (
+            _information_of_motion(matrix, origin, kind)
+            for matrix in (self.information, self.max_information)
         )
-        most = np.maximum(along(max_information, axes), 1e-9)
-        # Scaled by the translation held best, a rotation may be held better than by all parts.
-        return np.clip(along(held, axes) / most, 0.0, 1.0)
+        largest = np.maximum(quadratic_forms(max_information, axes), 1e-9)
+        # The scale is that of the best constrained translation, so a rotation may exceed 1.
+        return np.clip(quadratic_forms(information, axes) / largest, 0.0, 1.0)
 
 
 def cluster_constraints(gaussians: Gaussians) -> ClusterConstraints:
-    """Return how firmly the thin sides of parts hold a pose.
+    """Compute the constraints on a pose from the thin axes of cluster Gaussians.
 
-    A Gaussian holds a translation along its thin axes, not along its longest: that end is where
-    a cluster was cut, or where the view ended, and slides along a corridor with the sensor.
-    Each axis holds ``(1 - variance / largest variance)^4``, weighted by count: the power tells
-    what is thin from what was cut narrower than long. Only round ones: each is an object of its
-    own and holds all directions alike.
+    A Gaussian constrains translations along its thin axes. It does not constrain them along its
+    longest axis: there a cluster was cut, or left the field of view, and its end moves with the
+    sensor. The information along a principal axis is ``(1 - variance / largest variance)^4``,
+    weighted by the number of points. If all Gaussians are round, each is a whole object and
+    constrains all directions equally.
     """
     weights = gaussians.weights() ** 2
-    every = np.broadcast_to(np.eye(3), (len(gaussians), 3, 3))
-    max_information = _summed(gaussians.means, every, weights)
-    # A matrix has the same axes as its square, so none of them need be found one by one.
-    thin = every - gaussians.covariances / gaussians.widths[:, None, None]
-    information = _summed(gaussians.means, np.linalg.matrix_power(thin, 4), weights)
-    most = float(np.linalg.eigvalsh(information[:3, :3])[2])
+    identities = np.broadcast_to(np.eye(3), (len(gaussians), 3, 3))
+    max_information = _total_information(gaussians.means, identities, weights)
+    # Powers of a matrix share its axes, so no eigendecomposition is needed.
+    thinness = identities - gaussians.covariances / gaussians.widths[:, None, None]
+    information = _total_information(
+        gaussians.means, np.linalg.matrix_power(thinness, _POWER), weights
+    )
+    largest = float(np.linalg.eigvalsh(information[:3, :3])[2])
     return ClusterConstraints(
-        information / most if most > 0.0 else max_information, max_information
+        information=information / largest if largest > 0.0 else max_information,
+        max_information=max_information,
     )
 
 
-def along(form: Matrix, axes: Matrix) -> Vector:
-    """Return (k,) what a quadratic form (3, 3) is along each column of (3, k) axes."""
-    return (axes * (form @ axes)).sum(axis=0)
+def quadratic_forms(matrix: Matrix, axes: Matrix) -> Vector:
+    """Return the (k,) values ``a' matrix a`` of a (3, 3) matrix for the columns of (3, k) axes."""
+    return (axes * (matrix @ axes)).sum(axis=0)
 
 
-def _summed(points: Points, held: NDArray[np.float64], weights: Vector) -> Matrix:
-    """Return (6, 6) information of (k, 3, 3) what is held at each of (k, 3) places."""
-    # Of each place, by a step.
-    motions = np.concatenate([np.broadcast_to(np.eye(3), held.shape), -hats(points)], axis=2)
-    resisted = (weights[:, None, None] * held) @ motions
-    return motions.reshape(-1, 6).T @ resisted.reshape(-1, 6)
+def _total_information(points: Points, information: NDArray[np.float64], weights: Vector) -> Matrix:
+    """Return the (6, 6) information on a step, given (k, 3, 3) information at (k, 3) points."""
+    # Derivative of each point with respect to a step.
+    jacobians = np.concatenate(
+        [np.broadcast_to(np.eye(3), information.shape), -hats(points)], axis=2
+    )
+    weighted = (weights[:, None, None] * information) @ jacobians
+    return jacobians.reshape(-1, 6).T @ weighted.reshape(-1, 6)
 
 
-def _about(information: Matrix, origin: Vector, kind: MotionKind) -> Matrix:
-    """Return the (3, 3) block of a kind of motion about another origin."""
+def _information_of_motion(information: Matrix, origin: Vector, kind: MotionKind) -> Matrix:
+    """Return the (3, 3) information on a kind of motion, for rotations about another origin."""
     if kind == "translation":
         return information[:3, :3]
-    moved = np.eye(6)
-    moved[:3, 3:] = hat(origin)
-    moved = moved.T @ information @ moved
-    coupling = moved[3:, :3]
-    return moved[3:, 3:] - coupling @ np.linalg.pinv(moved[:3, :3], hermitian=True) @ coupling.T
+    # The adjoint of a translation takes steps about `origin` to steps about the frame's origin.
+    shift = Pose(np.eye(3), origin).adjoint()
+    shifted = shift.T @ information @ shift
+    coupling = shifted[3:, :3]
+    return shifted[3:, 3:] - coupling @ np.linalg.pinv(shifted[:3, :3], hermitian=True) @ coupling.T

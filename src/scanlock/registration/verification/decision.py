@@ -1,89 +1,100 @@
-"""Whether a pose can be trusted: the status of a result, and the sentence that explains it."""
+"""Decision on a pose: the status of a result, and the sentence that explains it."""
 
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.verification.assessment import Assessment
-from scanlock.registration.verification.candidate import HALVING_VIOLATION
+from scanlock.registration.verification.candidate import MAX_FREE_SPACE_VIOLATION
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.status import Status
 
 MIN_PROBABILITY = 0.9
-"""Of a pose that is trusted; see `scanlock.registration.verification.probability`."""
+"""Minimum probability of a correct pose for `Status.OK`; see `probability`."""
 
-_LEAST_OVERLAP = 0.05
-"""Of either scan: right poses of real scans cut down to what hardly overlaps had 0.09 or more."""
+_MIN_OVERLAP = 0.05
+"""Minimum overlap of either scan. Correct poses of real scans cut to little overlap have 0.09 or
+more."""
 
-_MOST_MISFIT = 0.25
-"""Of scans that agree but along their weak directions: of other places few fit as well."""
+_MAX_OUTLIER_RATIO = 0.25
+"""Maximum outlier ratio of a degenerate pose. Few scans of different places have less."""
 
 MAX_RUNNER_UP_RATIO = 0.75
-"""Another pose that agrees this share as well makes the one chosen a toss-up. Of the same places
-seen from farther away less is shared, so the right one may agree less than a rival: in terraces of
-equal houses down to 0.78. Of 262 whole real scans at their right poses none has a rival above 0.3,
-of 450 cut to sectors two have one above 0.7."""
+"""Ambiguity threshold: ranking value of the runner-up divided by that of the estimate. In terraces
+of equal houses the correct pose scores down to 0.78 of a false one. 262 whole real scans stay below
+0.3; of 450 scans cut to sectors, two exceed 0.7."""
 
-MAX_SLIDE_RATIO = 0.9
-"""As well as the pose itself agrees the source slid along it in endless corridors; of whole
-real scans at their right poses, where walls and rows of trees go on, up to 0.8."""
+MAX_SHIFTED_SCORE_RATIO = 0.9
+"""Ambiguity threshold: best score of the shifted source divided by the score at the pose. Endless
+corridors exceed it; whole real scans with long walls or rows of trees reach 0.8."""
 
 MAX_REFINEMENT_SHIFT = 0.2
-"""A pose that would still move so far [m] onto the surfaces has not come to rest: two thirds of
-what may be missing from a right one, so that those just beyond are not called right."""
+"""Maximum refinement shift [m] of an accurate pose. It is two thirds of the tolerance of a correct
+pose, so that poses just outside the tolerance are not accepted."""
 
 
-def decide(
-    solution: Solution, inspection: Assessment, probability_right: float
+def decide_status(
+    solution: Solution, assessment: Assessment, probability: float
 ) -> tuple[Status, str]:
-    """Return the status of a solution and the sentence that explains it."""
+    """Decide the status of a solution, and explain it in a sentence.
+
+    Parameters
+    ----------
+    solution : Solution
+    assessment : Assessment
+        Assessment of the pose of the solution.
+    probability : float
+        Probability that the pose is correct, from the same assessment.
+    """
     if solution.reason is StopReason.EMPTY_OBJECTIVE:
         return Status.NO_CORRESPONDENCES, solution.reason.value
-    metrics = inspection.metrics
-    found = (
-        f"{metrics.overlap:.0%} of the source meets the target with a score of {metrics.score:.2f}"
-    )
-    # Before convergence: a solver may wander along what nothing holds, and that is the reason.
-    if inspection.degenerate and _agree(metrics):
-        named = "; ".join(str(one) for one in inspection.degenerate)
+    metrics = assessment.metrics
+    facts = f"overlap {metrics.overlap:.0%}, score {metrics.score:.2f}"
+    # Before convergence: a solver may not converge along an unconstrained direction.
+    if assessment.degenerate and _is_consistent(metrics):
+        directions = "; ".join(str(one) for one in assessment.degenerate)
         return Status.DEGENERATE, (
-            f"nothing that both scans show holds the pose {named}: it may be wrong along that; "
-            "give a prior, or hold weak directions at it"
+            f"the overlapping geometry does not constrain {directions}; the pose may be off there. "
+            "Pass prior=, or fix_degenerate=True with initial="
         )
     if not solution.reason.is_converged:
         return Status.NOT_CONVERGED, solution.reason.value
     if (
-        inspection.observability is None
-        or min(metrics.overlap, metrics.target_overlap) < _LEAST_OVERLAP
+        assessment.observability is None
+        or min(metrics.overlap, metrics.target_overlap) < _MIN_OVERLAP
     ):
         return Status.LOW_OVERLAP, (
-            f"{found}, but they share too few surfaces to tell whether the pose is right; take "
-            "scans closer together, or start nearer"
+            f"{facts}: too little overlap to verify the pose; use scans closer together, or a "
+            "better initial pose"
         )
-    if probability_right >= 0.5 and metrics.refinement_shift > MAX_REFINEMENT_SHIFT:
-        return Status.NOT_CONVERGED, (
-            f"{found}, but on the surfaces that they share the pose would still move by "
-            f"{metrics.refinement_shift:.2f} m (a degree counts as 0.3 m): "
-            "take it as the initial pose of a "
-            "finer method, such as auto or gicp"
+    if probability >= 0.5 and metrics.refinement_shift > MAX_REFINEMENT_SHIFT:
+        return Status.INACCURATE, (
+            f"{facts}, but point-to-plane refinement would still move the pose by "
+            f"{metrics.refinement_shift:.2f} m (a degree counts as 0.3 m); pass it as initial= to "
+            "auto or gicp"
         )
-    if inspection.degenerate or probability_right < MIN_PROBABILITY:
-        doubt = "is likely wrong" if probability_right < 0.5 else "may be wrong"
-        return Status.LOW_OVERLAP, (
-            f"{found}: the pose {doubt}, right with probability {probability_right:.2f} only; "
-            "start "
-            "nearer, or take scans closer together"
+    if assessment.degenerate or probability < MIN_PROBABILITY:
+        verdict = "is likely wrong" if probability < 0.5 else "may be wrong"
+        return Status.UNVERIFIED, (
+            f"{facts}: the pose {verdict}, its probability is {probability:.2f}; use a better "
+            "initial pose, or scans closer together"
         )
-    if inspection.runner_up > MAX_RUNNER_UP_RATIO or inspection.slide_ratio > MAX_SLIDE_RATIO:
+    if (
+        assessment.runner_up_ratio > MAX_RUNNER_UP_RATIO
+        or assessment.shifted_score_ratio > MAX_SHIFTED_SCORE_RATIO
+    ):
         return Status.AMBIGUOUS, (
-            f"{found}, and another pose agrees {metrics.runner_up_ratio:.0%} as well; see the "
-            "candidates, or give a prior that decides between them"
+            f"{facts}, but another pose has {metrics.runner_up_ratio:.0%} of its agreement; "
+            "compare the candidates, or pass prior="
         )
+    return Status.OK, f"{solution.reason.value}; {facts}, probability {probability:.3f}"
+
+
+def _is_consistent(metrics: Metrics) -> bool:
+    """Return whether the scans agree wherever they overlap.
+
+    A pose off along a degenerate direction does: such a shift causes neither outliers nor
+    free-space violations.
+    """
     return (
-        Status.OK,
-        f"{solution.reason.value}; {found}; right with probability {probability_right:.3f}",
+        metrics.outlier_ratio < _MAX_OUTLIER_RATIO
+        and not metrics.free_space_violation >= MAX_FREE_SPACE_VIOLATION
     )
-
-
-def _agree(metrics: Metrics) -> bool:
-    """Tell whether the scans agree, wherever along its weak directions the pose may be."""
-    # Shifted along what is the same everywhere, nothing comes to stand in the open.
-    return metrics.outlier_ratio < _MOST_MISFIT and not metrics.violation >= HALVING_VIOLATION

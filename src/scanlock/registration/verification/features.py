@@ -1,4 +1,4 @@
-"""What the verdict looks at: the same of every scan, whatever method registers it."""
+"""Verification features of a scan: everything that verification needs of one scan alone."""
 
 from dataclasses import dataclass, field
 
@@ -20,41 +20,42 @@ from scanlock.segmentation.cluster_gaussians import (
     ClusterGaussians,
 )
 
-PROBER = LocalPlaneFitter()
-"""Chooses the probes of a scan, and finds the surface of the other near them."""
+PLANE_FITTER = LocalPlaneFitter()
+"""Settings of the query points of a scan, and of the planes fitted to the other scan there."""
 
-_FINDER = ClusterGaussianExtractor()
-_IMAGER = RangeImager()
+_EXTRACTOR = ClusterGaussianExtractor()
+_RANGE_IMAGER = RangeImager()
 
-_RADIUS = 1.5
-"""Largest radius of the parts [m]: that of the sharpest scale of SGC-NDT."""
+_MAX_RADIUS = 1.5
+"""Maximum radius of a cluster [m], as at the finest scale of SGC-NDT."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class VerificationFeatures:
-    """What a pose must lay onto that of the other scan.
+    """Verification features of a scan, in its local frame.
 
     Attributes
     ----------
     cloud : PointCloud
-        The checked points of the whole scan.
-    listed : CellList
-        The same points, to be probed.
+        Checked points of the whole scan.
+    cell_list : CellList
+        The same points, indexed for plane fits.
     gaussians : Gaussians
-        Its parts: clusters above the ground; where there are too few, cubes of the whole scan.
-    ranges : RangeImage or None
-        How far it saw; None where the origin of its frame is no sensor.
-    probes : (m, 3) [m]
-        Points of it, spread evenly.
+        Gaussians of the clusters above the ground; of voxels of the whole scan where there are
+        too few clusters.
+    range_image : RangeImage or None
+        Range image of the scan; None if the origin of its frame is not the sensor.
+    query_points : (m, 3) [m]
+        Evenly distributed points of the scan.
     roughness : float [m]
-        Root mean squared distance of its probes from its own surface near them.
+        Root mean squared distance between the query points and the planes of the scan itself.
     notes : tuple of str
-        What was found on the way.
-    held : PartHold
-        How firmly its clusters hold a pose; not at all for cubes, which are cut where the grid
-        lies.
+        Facts for the notes of the result.
+    cluster_constraints : ClusterConstraints
+        Information on the pose from the clusters; none from voxels, whose boundaries depend on
+        the grid.
     self_score : float
-        The D2D score of its parts with themselves.
+        D2D score of the Gaussians with themselves, which normalises the score of two scans.
     """
 
     cloud: PointCloud
@@ -64,7 +65,7 @@ class VerificationFeatures:
     query_points: Points
     roughness: float
     notes: tuple[str, ...]
-    held: ClusterConstraints
+    cluster_constraints: ClusterConstraints
     self_score: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -73,27 +74,32 @@ class VerificationFeatures:
 
 
 def features_from_clusters(
-    landmarks: ClusterGaussians, imager: RangeImager | None = _IMAGER
+    clusters: ClusterGaussians, imager: RangeImager | None = _RANGE_IMAGER
 ) -> VerificationFeatures:
-    """Return the evidence of a scan whose landmarks are known, sharpest scale last."""
-    cloud, gaussians, notes = landmarks.cloud, landmarks.gaussians[-1], landmarks.notes
-    held = cluster_constraints(gaussians)
+    """Compute the features of a scan from its cluster Gaussians of the last scale."""
+    cloud, gaussians, notes = clusters.cloud, clusters.gaussians[-1], clusters.notes
+    constraints = cluster_constraints(gaussians)
     if len(gaussians) < MIN_GAUSSIANS:
-        # Bare ground holds some directions, and methods that keep it can be judged by those.
-        labels, _ = voxel_labels(cloud.points, _RADIUS)
-        least = _FINDER.segmenter.clusters.min_points
-        gaussians = Gaussians.from_labels(cloud.points, labels, least)
-        gaussians = gaussians.regularised(_FINDER.min_deviation)
-        held = ClusterConstraints.none()
-        notes = (*notes, f"judged by {len(gaussians)} cubes of the scan")
-    range_image = None if imager is None else imager.image(cloud)
-    cell_list, query_points = PROBER.cell_list(cloud), PROBER.query_points(cloud)
-    roughness = PROBER.fit(cell_list, query_points).roughness
+        # Bare ground constrains some directions, enough for the poses of methods that use it.
+        labels, _ = voxel_labels(cloud.points, _MAX_RADIUS)
+        min_points = _EXTRACTOR.segmenter.clusters.min_points
+        gaussians = Gaussians.from_labels(cloud.points, labels, min_points)
+        gaussians = gaussians.regularised(_EXTRACTOR.min_deviation)
+        constraints = ClusterConstraints.unconstrained()
+        notes = (*notes, f"too few clusters: verified with {len(gaussians)} voxel Gaussians")
+    cell_list, query_points = PLANE_FITTER.cell_list(cloud), PLANE_FITTER.query_points(cloud)
     return VerificationFeatures(
-        cloud, cell_list, gaussians, range_image, query_points, roughness, notes, held
+        cloud=cloud,
+        cell_list=cell_list,
+        gaussians=gaussians,
+        range_image=None if imager is None else imager.image(cloud),
+        query_points=query_points,
+        roughness=PLANE_FITTER.fit(cell_list, query_points).rmse,
+        notes=notes,
+        cluster_constraints=constraints,
     )
 
 
 def extract_features(cloud: PointCloud) -> VerificationFeatures:
-    """Return the evidence of a scan for methods that do not look for its clusters."""
-    return features_from_clusters(_FINDER.find(cloud, [_RADIUS]))
+    """Extract the features of a scan, for methods that do not cluster it."""
+    return features_from_clusters(_EXTRACTOR.find(cloud, [_MAX_RADIUS]))

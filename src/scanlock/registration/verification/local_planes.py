@@ -1,8 +1,8 @@
-"""How far some points of one scan lie from the surface of another: a plane fitted at each."""
+"""Planes fitted to a scan around query points, with the residuals of these points."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +15,36 @@ from scanlock.errors import InvalidInput, require_count, require_fraction, requi
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.gaussians.eigen3 import principal_axes
 
+_MIN_THICKNESS = 0.02
+"""Minimum standard deviation of a residual [m]: lidar noise. Few points may lie closer to a plane
+by chance."""
 
-@dataclass(frozen=True, slots=True, eq=False)
+_MIN_VARIANCE = 1e-9
+"""Minimum variance of points [m^2] along the middle axis; smaller ones are rounding."""
+
+_PACKED_ROWS, _PACKED_COLUMNS = np.triu_indices(3)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class LocalPlanes:
-    """The surface of a scan near m probes, where it is known: at k of them.
+    """Planes fitted to a scan around k of m query points.
 
     Attributes
     ----------
-    met : (m,)
-        Whether the scan has points enough about a probe, off a line, to fit a plane to.
-    places : (k, 3) [m]
-        The probes that are met.
+    has_plane : (m,)
+        Whether a plane could be fitted around a query point.
+    points : (k, 3) [m]
+        Query points with a plane.
     normals : (k, 3)
         Unit normals of the planes, of either sign.
-    gaps : (k,) [m]
-        Signed distances of the probes from their planes, along the normals.
-    doubts : (k, 3, 3)
-        Covariance of each normal, from the thickness and the extent of what it was fitted to.
+    residuals : (k,) [m]
+        Signed distances of the query points from their planes, along the normals.
+    normal_covariances : (k, 3, 3)
+        Covariances of the normals, from the thickness and the extent of the fitted points.
     flatness : (k,)
-        How much of a plane it is: 1 less the variance across over that along its narrower side,
-        in [0, 1].
+        1 minus the ratio of the smallest to the middle variance of the fitted points, in [0, 1].
     thickness : (k,) [m]
-        Standard deviation that a gap would have if the probe were one more point of what the
-        plane was fitted to.
+        Standard deviation of the residual of one more point of the same surface.
     """
 
     has_plane: Mask
@@ -49,178 +56,168 @@ class LocalPlanes:
     thickness: Vector
 
     def __post_init__(self) -> None:
-        for array in (
-            self.has_plane, self.points, self.normals, self.residuals, self.normal_covariances,
-            self.flatness, self.thickness,
-        ):  # fmt: skip
-            frozen(array)
+        for one in fields(self):
+            frozen(getattr(self, one.name))
 
     @property
-    def roughness(self) -> float:
-        """Root mean squared gap [m]; NaN where nothing is met."""
+    def rmse(self) -> float:
+        """Root mean squared residual [m]; NaN without planes."""
         return math.sqrt(float(np.mean(self.residuals**2))) if len(self.residuals) else math.nan
 
     @property
     def outlier_ratio(self) -> float:
-        """Share of the gaps that are more than twice what belongs there; NaN without any."""
+        """Fraction of residuals above two standard deviations; NaN without planes."""
         if len(self.residuals) == 0:
             return math.nan
-        return float(np.mean(self.residuals**2 > 4.0 * (self.thickness**2 + _LEAST_THICKNESS**2)))
+        return float(np.mean(self.residuals**2 > 4.0 * (self.thickness**2 + _MIN_THICKNESS**2)))
 
-    def reversed(self, pose: Pose) -> "LocalPlanes":
-        """Return it as if the probes had been the surface and the surface the probes.
+    def reversed(self, target_from_source: Pose) -> "LocalPlanes":
+        """Return planes of the source as constraints in the target's frame.
 
-        Carried by a pose into the other's frame. What moves the probes along a normal then widens
-        the gap, whichever scan the probes come from.
+        The query points are then those of the target. Residuals change sign, so that in either
+        direction a motion of the source along a normal increases the residual.
         """
-        turn = pose.rotation
+        rotation = target_from_source.rotation
         return LocalPlanes(
-            self.has_plane,
-            pose.apply(self.points),
-            self.normals @ turn.T,
-            -self.residuals,
-            turn @ self.normal_covariances @ turn.T,
-            self.flatness,
-            self.thickness,
+            has_plane=self.has_plane,
+            points=target_from_source.apply(self.points),
+            normals=self.normals @ rotation.T,
+            residuals=-self.residuals,
+            normal_covariances=rotation @ self.normal_covariances @ rotation.T,
+            flatness=self.flatness,
+            thickness=self.thickness,
         )
+
+
+def concatenated(sets: Sequence[LocalPlanes]) -> LocalPlanes:
+    """Return the planes of several sets as one, in the order given."""
+    return LocalPlanes(
+        has_plane=np.concatenate([one.has_plane for one in sets]),
+        points=np.concatenate([one.points for one in sets]),
+        normals=np.concatenate([one.normals for one in sets]),
+        residuals=np.concatenate([one.residuals for one in sets]),
+        normal_covariances=np.concatenate([one.normal_covariances for one in sets]),
+        flatness=np.concatenate([one.flatness for one in sets]),
+        thickness=np.concatenate([one.thickness for one in sets]),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LocalPlaneFitter:
-    """Settings: which points of a scan are probes, and how the surface near them is found."""
+    """Settings for query points and for the planes fitted around them."""
 
     voxel_size: float = 1.0
-    """At most one probe in each cube of this side [m], so that near walls do not decide alone."""
+    """Voxel size [m] of the query points, at most one per voxel: near walls must not dominate."""
 
     max_points: int = 300
-    """How many probes a scan gets at most, evenly over its cubes."""
+    """Maximum number of query points of a scan, evenly distributed over its voxels."""
 
     sample_size: int = 10000
-    """How many points of the scan the probes are chosen from, evenly over its rows."""
+    """Number of points of the scan, evenly spaced by row, from which query points are chosen."""
 
     radii: tuple[float, ...] = (0.5, 1.0, 2.0)
-    """A plane is fitted to the points this near to a probe [m]: within the first of these in which
-    there are enough, so that near walls are seen sharply and far ground is seen at all."""
+    """Radii of the neighbourhoods of a query point [m], ascending. The plane is fitted in the first
+    with enough points: tightly on near walls, widely on distant ground."""
 
     min_points: int = 8
-    """To so many points at least: of fewer, some make planes across corners."""
+    """Minimum number of points of a plane; fewer fit planes across corners."""
 
-    min_breadth: float = 0.1
-    """And not to a line: the variance along the narrower side of the points is at least this share
-    of that along the wider one."""
+    min_eigenvalue_ratio: float = 0.1
+    """Minimum ratio of the middle to the largest variance of the points; less is a line."""
 
     def __post_init__(self) -> None:
         require_positive("voxel_size", self.voxel_size, unit="m")
         if not self.radii:
-            raise InvalidInput("radii must not be empty")
+            raise InvalidInput("radii must have at least one radius, got ()")
         for radius in self.radii:
             require_positive("radii", radius, unit="m")
         require_count("max_points", self.max_points)
         require_count("sample_size", self.sample_size)
         require_count("min_points", self.min_points, least=4)
-        require_fraction("min_breadth", self.min_breadth)
+        require_fraction("min_eigenvalue_ratio", self.min_eigenvalue_ratio)
 
     def query_points(self, cloud: PointCloud) -> Points:
-        """Return (m, 3) points of a cloud, spread evenly over what it shows."""
+        """Return (m, 3) evenly distributed points of a cloud [m]."""
         rows = np.flatnonzero(cloud.is_measured)
-        points = cloud.points[_evenly(rows, self.sample_size)]
+        points = cloud.points[_evenly_spaced(rows, self.sample_size)]
         if len(points) == 0:
             return read_only(points)
         labels, count = voxel_labels(points, self.voxel_size)
         firsts = np.empty(count, np.int64)
         firsts[labels[::-1]] = np.arange(len(labels))[::-1]
-        return read_only(points[_evenly(firsts, self.max_points)])
+        return read_only(points[_evenly_spaced(firsts, self.max_points)])
 
     def cell_list(self, cloud: PointCloud) -> CellList:
-        """Return what of a cloud can be probed."""
+        """Return the cell list of a cloud, for `fit`."""
         return CellList.of_points(cloud.points, 2.0 * min(self.radii))
 
     def fit(self, points: CellList, query_points: Points) -> LocalPlanes:
-        """Return the surface of some points near (m, 3) probes [m] in their frame.
+        """Fit planes to a scan around (m, 3) query points [m] in its frame.
 
-        What is met in a wider circle comes after what is met in a narrower one.
+        The planes are ordered by the radius of their neighbourhood.
         """
         left = np.arange(len(query_points))
         rows, fits = [], []
         for radius in self.radii:
-            fit, is_plane = self._fitted(points.sums_near(query_points[left], radius))
+            fit, is_plane = self._eigen_fits(points.sums_near(query_points[left], radius))
             rows.append(left[is_plane])
             fits.append(fit[is_plane])
             left = left[~is_plane]
         has_plane = np.ones(len(query_points), np.bool_)
         has_plane[left] = False
-        return _surface(query_points[np.concatenate(rows)], np.concatenate(fits), has_plane)
+        return _local_planes(query_points[np.concatenate(rows)], np.concatenate(fits), has_plane)
 
-    def _fitted(self, sums: Matrix) -> tuple[Matrix, Mask]:
-        """Return what `_surface` makes planes of, and which of them are planes.
+    def _eigen_fits(self, sums: Matrix) -> tuple[Matrix, Mask]:
+        """Return the moments of neighbourhoods, and which of them are planes.
 
-        By (m, 10) sums about the probes: (m, 16) counts, means, variances, which ascend, and axes.
+        From (m, 10) sums over the offsets from the query points: (m, 16) counts, mean offsets,
+        ascending variances and principal axes.
         """
         counts = np.maximum(sums[:, :1], 1.0)
         means = sums[:, 1:4] / counts
         packed = sums[:, 4:] / counts - means[:, _PACKED_ROWS] * means[:, _PACKED_COLUMNS]
         variances, axes = principal_axes(read_only(packed))
-        is_broad = variances[:, 1] > np.maximum(self.min_breadth * variances[:, 2], _LEAST_VARIANCE)
+        min_middle = np.maximum(self.min_eigenvalue_ratio * variances[:, 2], _MIN_VARIANCE)
         fits = np.hstack([counts, means, np.maximum(variances, 0.0), axes])
-        return fits, is_broad & (sums[:, 0] >= self.min_points)
+        return fits, (variances[:, 1] > min_middle) & (sums[:, 0] >= self.min_points)
 
 
-def joined(surfaces: Sequence[LocalPlanes]) -> LocalPlanes:
-    """Return what was met in some surfaces one after the other."""
-    return LocalPlanes(
-        np.concatenate([one.has_plane for one in surfaces]),
-        np.concatenate([one.points for one in surfaces]),
-        np.concatenate([one.normals for one in surfaces]),
-        np.concatenate([one.residuals for one in surfaces]),
-        np.concatenate([one.normal_covariances for one in surfaces]),
-        np.concatenate([one.flatness for one in surfaces]),
-        np.concatenate([one.thickness for one in surfaces]),
-    )
-
-
-_PACKED_ROWS, _PACKED_COLUMNS = np.triu_indices(3)
-"""Of the entries of an upper triangle."""
-
-_LEAST_THICKNESS = 0.02
-"""Of a surface [m]: the noise of a lidar, where a few points lie closer by chance."""
-
-_LEAST_VARIANCE = 1e-9
-"""Points whose narrower side has less [m^2] lie in one place, and on no plane of their own."""
-
-
-def _surface(points: Points, fits: Matrix, has_plane: Mask) -> LocalPlanes:
-    """Return the surface whose (k, 16) planes were fitted at (k, 3) places."""
+def _local_planes(points: Points, fits: Matrix, has_plane: Mask) -> LocalPlanes:
+    """Return the planes of (k, 16) moments around (k, 3) query points."""
     counts, means, variances = fits[:, 0], fits[:, 1:4], fits[:, 4:7]
     axes = fits[:, 7:].reshape(-1, 3, 3)
     normals = np.ascontiguousarray(axes[:, 0])
     return LocalPlanes(
-        has_plane,
-        points,
-        normals,
-        -(means * normals).sum(axis=1),
-        _doubts(variances, axes, counts),
-        1.0 - variances[:, 0] / variances[:, 1],
-        _thickness(variances[:, 0], counts),
+        has_plane=has_plane,
+        points=points,
+        normals=normals,
+        residuals=-(means * normals).sum(axis=1),
+        normal_covariances=_normal_covariances(variances, axes, counts),
+        flatness=1.0 - variances[:, 0] / variances[:, 1],
+        thickness=_prediction_deviations(variances[:, 0], counts),
     )
 
 
-def _doubts(variances: Matrix, axes: NDArray[np.float64], counts: Vector) -> NDArray[np.float64]:
-    """Return (k, 3, 3) the covariances of the normals of planes fitted by least squares.
+def _normal_covariances(
+    variances: Matrix, axes: NDArray[np.float64], counts: Vector
+) -> NDArray[np.float64]:
+    """Return the (k, 3, 3) covariances of the normals of planes fitted by least squares.
 
-    A normal tips along an axis of its plane as far as noise across lifts the ends of the points.
+    The variance of the angle about an in-plane axis is ``v_normal / (n v_other)``, with the
+    variances along the normal and along the other in-plane axis, and n points.
     """
-    tips = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
-    along = axes[:, 1:]
-    return (along * tips[:, :, None]).transpose(0, 2, 1) @ along
+    rotations = (variances[:, 0] / counts)[:, None] / variances[:, 1:]
+    in_plane = axes[:, 1:]
+    return (in_plane * rotations[:, :, None]).transpose(0, 2, 1) @ in_plane
 
 
-def _thickness(variances: Vector, counts: Vector) -> Vector:
-    """Return (k,) the deviation of one more point, given that of what fixed a plane's three."""
+def _prediction_deviations(variances: Vector, counts: Vector) -> Vector:
+    """Return (k,) standard deviations of one more point from planes with three parameters."""
     return np.sqrt(variances * counts / (counts - 3.0) * (1.0 + 1.0 / counts))
 
 
-def _evenly(rows: Labels, most: int) -> Labels:
-    """Return at most so many of the rows, evenly spaced."""
-    if len(rows) <= most:
+def _evenly_spaced(rows: Labels, max_count: int) -> Labels:
+    """Return at most `max_count` of the rows, evenly spaced."""
+    if len(rows) <= max_count:
         return rows
-    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
+    return rows[np.linspace(0, len(rows) - 1, max_count).astype(np.int64)]

@@ -1,4 +1,4 @@
-"""Every number that says how well two scans agree at a pose, defined once."""
+"""Metrics of a registration, each defined once and the same for every method."""
 
 import math
 from dataclasses import dataclass
@@ -6,51 +6,52 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Metrics:
-    """How well two scans agree at a pose, whatever method found it.
+    """How well two scans agree at a pose; a metric that cannot be computed is NaN.
 
-    The parts of a scan are its clusters above the ground, as Gaussians; where there are too few,
-    cubes of the whole scan. They weigh by the fourth root of their points. Its probes are up to
-    300 of its points, spread evenly, ground included. A number that cannot be told is NaN.
+    The *Gaussians* of a scan are those of its clusters above the ground, or of voxels of the
+    whole scan where there are too few clusters. Their weight is the fourth root of their number
+    of points. The *query points* of a scan are up to 300 of its points, evenly distributed,
+    ground included.
 
     Attributes
     ----------
     overlap : float
-        Share of the source's parts, by weight, that meet a part of the target: the squared
-        Mahalanobis distance of their means, under the sum of their covariances, is below 9. In
-        [0, 1]; higher is better.
+        Weighted fraction of the source's Gaussians that overlap a Gaussian of the target, in
+        [0, 1]. Two Gaussians overlap if the squared Mahalanobis distance of their means, under
+        the sum of their covariances, is below 9. Higher is better.
     target_overlap : float
-        The same share of the target's parts that meet a part of the source.
+        The same fraction of the target's Gaussians.
     score : float
-        The D2D score of the parts over the geometric mean of the scans' scores with themselves, in
-        [0, 1]; higher is better. 1 for a scan with itself; far apart, right poses have 0.1.
+        D2D score of the Gaussians divided by the geometric mean of the scores of each scan with
+        itself, in [0, 1]. Higher is better: 1 for identical scans; correct poses between distant
+        viewpoints have 0.1.
     inlier_rmse : float [m]
-        Root of the mean squared distance of either scan's probes from planes fitted to the
-        other's points within 0.5 m of them (where there are too few, within 1 or 2 m), over the
-        inliers: the probes with eight such points or more that lie on no line. Lower is better:
-        noise and roughness alone leave some centimetres, sparse scans some decimetres. NaN
-        without inliers.
+        Root mean squared distance between the query points of either scan and planes fitted to
+        the other scan, over the inliers. A plane is fitted within 0.5 m, or 1 or 2 m where points
+        are sparse. Inliers are the query points with a plane: at least eight neighbours, not on
+        a line. Lower is better: noise and roughness cause centimetres, sparse scans decimetres.
+        NaN without inliers.
     roughness : float [m]
-        What the inlier RMSE is of each scan with itself, root mean square of both: what noise,
-        roughness and sparseness leave at any pose.
-    misfit : float
-        Share of the inliers farther from their plane than twice what points there scatter, once
-        the pose has come to rest on the planes (see `refinement_shift`), in [0, 1]; lower is
-        better.
-    surface_overlap : float
-        Share of the source's probes that are inliers, in [0, 1]; higher is better.
-    drift : float [m]
-        How far steps of Gauss and Newton onto those planes, four at most, would still move the
-        source, at 17 m from its origin, where a degree is 0.3 m. Lower is better: right poses
-        have centimetres. NaN with fewer than twelve planes.
-    violation : float
-        Share of the parts that lie where the other scan looked through, of those it would have
-        seen, meaned over both scans. In [0, 1]; lower is better: moving objects leave 0.1. NaN
-        where the origin of neither frame is a sensor.
-    second_best : float
-        How well the best rival agrees as a share of the pose chosen, at least 0; lower is better,
-        1 is a toss-up. Rivals are the other poses that a search finished, by overlap, score and
-        violation together; and the source slid by 0.75 to 10 m along the two directions in which
-        the planes hold it least, by score.
+        The inlier RMSE of each scan with itself, root mean square of both: the effect of noise,
+        roughness and sparseness at any pose.
+    outlier_ratio : float
+        Fraction of inliers with a residual above two standard deviations of the points around
+        their plane, after refinement (see `refinement_shift`), in [0, 1]. Lower is better.
+    fitness : float
+        Fraction of the source's query points that are inliers, in [0, 1]. Higher is better.
+    refinement_shift : float [m]
+        Distance by which point-to-plane refinement would move the source at 17 m from its origin,
+        where a degree is 0.3 m. Refinement takes at most four Gauss-Newton steps. Lower is
+        better: correct poses have centimetres. NaN with fewer than twelve planes.
+    free_space_violation : float
+        Fraction of Gaussians in the free space of the other scan, among those in its field of
+        view and not occluded; mean of both scans, in [0, 1]. Lower is better: moving objects
+        cause 0.1. NaN if no frame has its origin at the sensor.
+    runner_up_ratio : float
+        Agreement of the best other pose divided by that of the estimate, at least 0. Lower is
+        better; 1 is a tie. Other poses are the candidates of a search, compared by overlap, score
+        and plausibility. They are also the source shifted by 0.75 to 10 m along the two least
+        constrained translations, compared by score.
     """
 
     overlap: float = math.nan
@@ -61,5 +62,5 @@ class Metrics:
     outlier_ratio: float = math.nan
     fitness: float = math.nan
     refinement_shift: float = math.nan
-    violation: float = math.nan
+    free_space_violation: float = math.nan
     runner_up_ratio: float = math.nan

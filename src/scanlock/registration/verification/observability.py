@@ -1,8 +1,8 @@
-"""How firmly the surfaces that two scans share hold a pose, and along what they do not.
+"""Observability of a pose: information along each direction, and which directions are degenerate.
 
-A rotation is looked at when the translation may give way (Schur's complement), so that metres are
-never weighed against radians and it does not matter where its axis lies; a translation when the
-rotation stays, so that what is a rotation about some far axis is not called a translation too.
+Rotations are evaluated with the translation marginalised (Schur complement): metres are never
+compared with radians, and the position of the axis does not matter. Translations are evaluated at
+a fixed rotation, so that a rotation about a distant axis does not count as a translation too.
 """
 
 import math
@@ -12,55 +12,57 @@ import numpy as np
 
 from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import exp_rotation, log_rotation
 from scanlock.registration.verification.cluster_constraints import (
-    PARTS,
+    STEP_SLICES,
     ClusterConstraints,
     MotionKind,
-    along,
+    quadratic_forms,
 )
 from scanlock.registration.verification.plane_constraints import PlaneConstraints
 
-_NAMES: dict[MotionKind, tuple[str, str, str]] = {
+_AXIS_NAMES: dict[MotionKind, tuple[str, str, str]] = {
     "translation": ("forward", "left", "up"),
     "rotation": ("roll", "pitch", "yaw"),
 }
 
-_NAMED = math.cos(math.radians(15.0))
-"""A direction is named after an axis within 15 degrees of it."""
+_MIN_AXIS_COSINE = math.cos(math.radians(15.0))
+"""Minimum cosine between a direction and the axis after which it is named."""
 
-_LEAST_SHARE: dict[MotionKind, float] = {"translation": 0.05, "rotation": 0.01}
-"""What less of the planes hold is roughness, and planes laid through the rings of one scan where
-they bend at a corner: endless corridors have up to 0.033 along them, round rooms and tunnels 0.001
-about their axis."""
+_MIN_RATIO: dict[MotionKind, float] = {"translation": 0.05, "rotation": 0.01}
+"""Minimum observability ratio of a constrained direction. Roughness, and planes fitted across the
+rings of one scan at corners, reach 0.033 along endless corridors, and 0.001 about the axis of round
+rooms and tunnels."""
 
-_LEAST_PART_SHARE: dict[MotionKind, float] = {"translation": 0.15, "rotation": 0.35}
-"""Endless corridors, tunnels, bare walls and lines have up to 0.13, the plates of a sphere 0.34
-about any axis; streets, forests and yards mostly have 0.4 to 1 where they have no planes."""
+_MIN_CLUSTER_RATIO: dict[MotionKind, float] = {"translation": 0.15, "rotation": 0.35}
+"""Minimum cluster ratio of a constrained direction. Endless corridors, tunnels, bare walls and
+lines reach 0.13, plates on a sphere 0.34 about any axis. Streets, forests and yards mostly have 0.4
+to 1 where planes are missing."""
 
-_LEAST_LEVER = 1e-3
-"""Of what all rotations together could be held by: less is rounding."""
+_MIN_ROTATION_INFORMATION = 1e-3
+"""Minimum of the maximum information about one axis, as a fraction of that about all axes; less is
+rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class DirectionObservability:
-    """How firmly a pose is held along or about one axis.
+    """Observability of a pose along or about one axis.
 
     Attributes
     ----------
     kind : str
-        "translation" along the axis, or "rotation" about it, through the source's origin.
+        "translation" along the axis, or "rotation" about it through the source's origin.
     axis : (3,)
         Unit vector in the target's frame, of either sign.
-    share : float
-        Information along it over what it would be if every plane faced that motion, in [0, 1]. A
-        third for planes that face everywhere alike, 0 where all planes lie along the motion.
+    ratio : float
+        Information divided by its maximum, with every plane perpendicular to the motion, in
+        [0, 1]. It is 1/3 for planes of all orientations, and 0 if all planes are parallel to the
+        motion.
     deviation : float [m or rad]
-        Standard deviation along it that the planes leave when all else may give way, were their
-        gaps independent.
-    part_share : float
-        How firmly the thin sides of the target's parts hold it, of what is possible, in [0, 1]:
-        poles and crowns are no planes and hold it all the same.
+        Standard deviation along or about the axis, if the residuals of the planes are
+        independent; all other directions are marginalised.
+    cluster_ratio : float
+        Information of the target's clusters divided by its maximum, in [0, 1]. Poles and trunks
+        have no planes, and constrain a pose nevertheless.
     """
 
     kind: MotionKind
@@ -74,40 +76,40 @@ class DirectionObservability:
 
     @property
     def name(self) -> str:
-        """Forward, left or up; roll, pitch or yaw; or the axis where it lies between."""
+        """Forward, left, up, roll, pitch or yaw; the components of an axis that has no name."""
         nearest = int(np.argmax(np.abs(self.axis)))
-        if abs(self.axis[nearest]) >= _NAMED:
-            return _NAMES[self.kind][nearest]
+        if abs(self.axis[nearest]) >= _MIN_AXIS_COSINE:
+            return _AXIS_NAMES[self.kind][nearest]
         x, y, z = self.axis
-        about = "along" if self.kind == "translation" else "about"
-        return f"{about} ({x:.2f}, {y:.2f}, {z:.2f})"
+        preposition = "along" if self.kind == "translation" else "about"
+        return f"{preposition} ({x:.2f}, {y:.2f}, {z:.2f})"
 
     @property
     def is_degenerate(self) -> bool:
-        """Whether so little holds it that the pose may be wrong along it by any amount."""
+        """Whether neither planes nor clusters constrain the direction."""
         return (
-            self.ratio < _LEAST_SHARE[self.kind]
-            and self.cluster_ratio < _LEAST_PART_SHARE[self.kind]
+            self.ratio < _MIN_RATIO[self.kind]
+            and self.cluster_ratio < _MIN_CLUSTER_RATIO[self.kind]
         )
 
     def __str__(self) -> str:
         if self.kind == "translation":
-            return f"{self.name} (deviation {self.deviation:.2g} m, hold {self.ratio:.3f} of 1)"
-        degrees = math.degrees(self.deviation)
-        return f"{self.name} (deviation {degrees:.2g} deg, hold {self.ratio:.3f} of 1)"
+            deviation = f"{self.deviation:.2g} m"
+        else:
+            deviation = f"{math.degrees(self.deviation):.2g} deg"
+        return f"{self.name} (standard deviation {deviation}, observability ratio {self.ratio:.3f})"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Observability:
-    """How firmly the planes that two scans share hold a pose.
+    """Observability of a pose along and about all axes.
 
     Attributes
     ----------
-    directions : tuple of HeldDirection
-        Three translations, least held first, then three rotations likewise.
+    directions : tuple of DirectionObservability
+        Three translations, least constrained first, then three rotations in the same order.
     information : (6, 6)
-        Of a step ``(rho, phi)`` in the target's frame, about the source's origin, in planes,
-        less what may be noise; see `PlaneConstraints`.
+        Bias-corrected information on a step ``(rho, phi)``; see `PlaneConstraints`.
     """
 
     directions: tuple[DirectionObservability, ...]
@@ -118,68 +120,66 @@ class Observability:
 
     @property
     def degenerate(self) -> tuple[DirectionObservability, ...]:
-        """The directions that nothing holds."""
+        """Degenerate directions."""
         return tuple(one for one in self.directions if one.is_degenerate)
 
     def fix_degenerate(self, pose: Pose, prior: Pose) -> Pose:
-        """Return the pose with its weak directions as in the prior, at the least cost elsewhere.
+        """Return the pose with its degenerate directions as in the prior.
 
-        Of all steps that end where the prior is along and about the weak axes it is the one that
-        the planes resist least; cf. the remapping of solutions by Zhang et al. 2016, which moves
-        along the weak axes alone.
+        Among all steps to the prior along the degenerate directions, it takes the one with the
+        least increase of the point-to-plane residuals. The solution remapping of Zhang et al.
+        2016 moves along the degenerate directions only.
         """
         if not self.degenerate:
             return pose
-        rows = np.zeros((len(self.degenerate), 6))
-        for row, one in zip(rows, self.degenerate, strict=True):
-            row[PARTS[one.kind]] = one.axis
-        apart = np.concatenate(
-            [prior.translation - pose.translation, log_rotation(prior.rotation @ pose.rotation.T)]
-        )
-        ways = np.linalg.solve(self.information, rows.T)
-        step = ways @ np.linalg.solve(rows @ ways, rows @ apart)
-        return Pose(exp_rotation(step[3:]) @ pose.rotation, pose.translation + step[:3])
+        axes = np.zeros((len(self.degenerate), 6))
+        for row, one in zip(axes, self.degenerate, strict=True):
+            row[STEP_SLICES[one.kind]] = one.axis
+        # Minimises step' information step subject to axes step = axes difference.
+        steps = np.linalg.solve(self.information, axes.T)
+        step = steps @ np.linalg.solve(axes @ steps, axes @ prior.difference(pose))
+        return pose.perturbed(step)
 
 
-def observability_of(footing: PlaneConstraints, by_parts: ClusterConstraints) -> Observability:
-    """Return the hold of planes, and of the target's parts."""
-    sure = footing.bias_corrected_information()
-    coupling = sure[3:, :3]
-    turning = sure[3:, 3:] - coupling @ np.linalg.solve(sure[:3, :3], coupling.T)
-    max_information, origin = footing.max_information, footing.origin
-    spread = (footing.noise**2 * np.linalg.inv(sure)).astype(np.float64, copy=False)
+def observability_of(planes: PlaneConstraints, clusters: ClusterConstraints) -> Observability:
+    """Compute the observability of a pose from plane constraints and the target's clusters."""
+    information = planes.bias_corrected_information()
+    translation, coupling = information[:3, :3], information[3:, :3]
+    rotation = information[3:, 3:] - coupling @ np.linalg.solve(translation, coupling.T)
+    covariance = (planes.noise**2 * np.linalg.inv(information)).astype(np.float64, copy=False)
     return Observability(
-        (
-            *_directions("translation", sure[:3, :3], max_information, spread, by_parts, origin),
-            *_directions("rotation", turning, max_information, spread, by_parts, origin),
+        directions=(
+            *_directions("translation", translation, covariance, planes, clusters),
+            *_directions("rotation", rotation, covariance, planes, clusters),
         ),
-        sure,
+        information=information,
     )
 
 
 def _directions(
     kind: MotionKind,
     information: Matrix,
-    max_information: Matrix,
-    spread: Matrix,
-    by_parts: ClusterConstraints,
-    origin: Vector,
+    covariance: Matrix,
+    planes: PlaneConstraints,
+    clusters: ClusterConstraints,
 ) -> list[DirectionObservability]:
-    held, axes = np.linalg.eigh(information)
-    own = PARTS[kind], PARTS[kind]
-    most = along(max_information[own], axes)
-    # About a line that all places lie on nothing could be held.
-    most = np.maximum(most, _LEAST_LEVER * np.trace(max_information[own]))
-    variances = along(spread[own], axes)
-    by_part = by_parts.shares(kind, axes, origin)
-    found = [
+    """Return the three principal directions of the (3, 3) information, least constrained first."""
+    values, axes = np.linalg.eigh(information)
+    block = STEP_SLICES[kind], STEP_SLICES[kind]
+    max_information = planes.max_information[block]
+    # No rotation about a line of points is observable.
+    smallest = _MIN_ROTATION_INFORMATION * np.trace(max_information)
+    largest = np.maximum(quadratic_forms(max_information, axes), smallest)
+    variances = quadratic_forms(covariance[block], axes)
+    cluster_ratios = clusters.ratios(kind, axes, planes.origin)
+    directions = [
         DirectionObservability(
-            kind,
-            np.ascontiguousarray(axes[:, i]),
-            min(1.0, max(0.0, float(held[i] / most[i]))),
-            math.sqrt(float(variances[i])),
-            float(by_part[i]),
+            kind=kind,
+            axis=np.ascontiguousarray(axes[:, i]),
+            ratio=min(1.0, max(0.0, float(values[i] / largest[i]))),
+            deviation=math.sqrt(float(variances[i])),
+            cluster_ratio=float(cluster_ratios[i]),
         )
         for i in range(3)
     ]
-    return sorted(found, key=lambda one: one.ratio)
+    return sorted(directions, key=lambda one: one.ratio)

@@ -1,4 +1,4 @@
-"""How the parts of two scans meet: who meets whom, the score, and the score of a slid source."""
+"""Overlap and score of two sets of Gaussians, at a pose and shifted along a direction."""
 
 import math
 
@@ -11,64 +11,64 @@ from scanlock.kernels.verification.score_profile import slid_scores
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
 
-_MEETING_SQUARED = 9.0
-"""Two parts meet within three standard deviations of their difference."""
+_MAX_SQUARED_DISTANCE = 9.0
+"""Maximum squared Mahalanobis distance of two Gaussians that overlap: three standard deviations."""
 
 _WEIGHT_POWER = 0.25
-"""Counts to this power weigh the parts: what is near, and rich in points, may move with the
-sensor, and must not outvote the rest."""
+"""Exponent of the point counts in the weights of the Gaussians. Near objects have most points and
+may move with the sensor; they must not dominate."""
 
 _SHAPE = ScoreShape()
 
-_SLIDE_SHAPE = ScoreShape(window_start=4.0, window_end=9.0)
-"""Slides are compared by what is near: far pairs add the same everywhere, and cost the time."""
+_PROFILE_SHAPE = ScoreShape(window_start=4.0, window_end=9.0)
+"""Score window of shifted scores. Distant pairs add the same to all of them, at a high cost."""
 
-_STEP = 0.25
-"""How finely a slide is looked at [m]: scores of sharp parts fall within two such steps."""
+_PROFILE_STEP = 0.25
+"""Step of the shifts [m]: the scores of compact Gaussians vanish within two steps."""
 
-_REACH = 40
-"""How many steps a slide reaches, either way."""
+_PROFILE_STEPS = 40
+"""Number of shifts in either direction."""
 
 
 def self_score(gaussians: Gaussians) -> float:
     """Return the D2D score of a set of Gaussians with itself."""
-    return _met(gaussians, gaussians)[2]
+    return _overlaps(gaussians, gaussians)[2]
 
 
-def overlaps_and_score(
+def overlap_and_score(
     target: Gaussians, source: Gaussians, pose: Pose, self_scores: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Return how much of either scan meets the other at a pose, and how well.
+    """Compute the overlap of either scan with the other at a pose, and their normalised score.
 
     Returns
     -------
     overlap, target_overlap : float
-        Shares of the source's and of the target's Gaussians, by weight, that meet one of the
-        other's, in [0, 1]: the squared Mahalanobis distance of their means, under the sum of
-        their covariances, is below 9.
+        Weighted fractions of the source's and of the target's Gaussians that overlap a Gaussian
+        of the other scan, in [0, 1].
     score : float
-        The D2D score over the geometric mean of the scans' self-scores, in [0, 1]: 1 for a scan
-        with itself. The scores leave out the determinants that would make them an inner product,
-        so contrived sets can come out above, and are capped.
+        D2D score divided by the geometric mean of the self-scores, in [0, 1]: 1 for identical
+        scans. Without the determinants of an inner product, contrived sets can exceed 1; the
+        score is capped there.
     """
-    met, met_targets, score = _met(target, source.transformed(pose))
+    overlaps, target_overlaps, score = _overlaps(target, source.transformed(pose))
     return (
-        _share(source, met),
-        _share(target, met_targets),
+        _weighted_fraction(source, overlaps),
+        _weighted_fraction(target, target_overlaps),
         min(1.0, score / math.sqrt(self_scores[0] * self_scores[1])),
     )
 
 
-def slide_ratio(
-    target: Gaussians, source: Gaussians, pose: Pose, direction: Vector, least: float
+def shifted_score_ratio(
+    target: Gaussians, source: Gaussians, pose: Pose, direction: Vector, min_shift: float
 ) -> float:
-    """Return the best score of the source slid along a direction, as a share of that at the pose.
+    """Return the best score of the source shifted along a direction, relative to the pose.
 
-    Of slides from `least` up to 10 m either way; what scores best nearer than that counts as the
-    pose. NaN where nothing meets at the pose.
+    Shifts range from `min_shift` to 10 m, both ways; the best score below `min_shift` counts as
+    the score at the pose. NaN if that is zero.
     """
     moved = source.transformed(pose)
-    # Any direction at right angles will do to sort by; the axis most across gives a sound one.
+    # Targets are sorted along a perpendicular of the direction. The cross product with the axis
+    # most perpendicular to it is well conditioned.
     across = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))]).astype(np.float64)
     across = across / float(np.linalg.norm(across))
     scores = slid_scores(
@@ -83,22 +83,24 @@ def slide_ratio(
         moved.weights(_WEIGHT_POWER),
         read_only(np.ascontiguousarray(direction)),
         read_only(across),
-        _STEP,
-        _REACH,
-        _SLIDE_SHAPE.window_start,
-        _SLIDE_SHAPE.window_end,
+        _PROFILE_STEP,
+        _PROFILE_STEPS,
+        _PROFILE_SHAPE.window_start,
+        _PROFILE_SHAPE.window_end,
     )
-    slides = np.abs(np.arange(-_REACH, _REACH + 1)) * _STEP
-    own = float(scores[slides < least].max())
-    return float(scores[slides >= least].max()) / own if own > 0.0 else math.nan
+    shifts = np.abs(np.arange(-_PROFILE_STEPS, _PROFILE_STEPS + 1)) * _PROFILE_STEP
+    at_pose = float(scores[shifts < min_shift].max())
+    return float(scores[shifts >= min_shift].max()) / at_pose if at_pose > 0.0 else math.nan
 
 
-def _share(gaussians: Gaussians, met: Mask) -> float:
+def _weighted_fraction(gaussians: Gaussians, selected: Mask) -> float:
+    """Return the weight of the selected Gaussians as a fraction of the weight of all."""
     squares = gaussians.weights(_WEIGHT_POWER) ** 2
-    return float(squares[met].sum() / squares.sum())
+    return float(squares[selected].sum() / squares.sum())
 
 
-def _met(target: Gaussians, source: Gaussians) -> tuple[Mask, Mask, float]:
+def _overlaps(target: Gaussians, source: Gaussians) -> tuple[Mask, Mask, float]:
+    """Return which source and which target Gaussians overlap one of the other, and the score."""
     return met_and_score(
         target.means,
         target.packed_covariances,
@@ -109,7 +111,7 @@ def _met(target: Gaussians, source: Gaussians) -> tuple[Mask, Mask, float]:
         source.packed_covariances,
         source.widths,
         source.weights(_WEIGHT_POWER),
-        _MEETING_SQUARED,
+        _MAX_SQUARED_DISTANCE,
         _SHAPE.window_start,
         _SHAPE.window_end,
     )

@@ -1,12 +1,12 @@
-"""The planes that two scans share, as a pose stands on them: what they hold, and where they pull.
+"""Point-to-plane constraints between two scans at a pose: information, gradient, step.
 
-A plane holds a translation along its normal, and a rotation that moves its place along its normal;
-summed over the planes that the probes of either scan meet in the other, that is an information
-matrix of the pose.
+A plane constrains translations along its normal, and rotations that move its point along its
+normal. The sum over all planes is the normal matrix of a Gauss-Newton step, the information on the
+pose.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,44 +15,47 @@ from scanlock.arrays import Matrix, Points, Vector, frozen
 from scanlock.geometry.rotations import hats
 from scanlock.registration.verification.local_planes import LocalPlanes
 
-_LEAST_FLATNESS = 0.9
-"""Of a surface that counts as a plane: across, its deviation is a third of that along it."""
+_MIN_FLATNESS = 0.9
+"""Minimum flatness of a plane: its thickness is at most a third of its extent."""
 
-_ROUGHNESS = 0.1
-"""Gaps of this [m] halve the weight of a plane: it is not the same surface."""
+_RESIDUAL_SCALE = 0.1
+"""Scale of the Cauchy weight [m]: a residual of this size, likely of another surface, has weight
+one half."""
 
-_LEAST_PLANES = 12
-"""Fewer planes say nothing: twice the six numbers of a pose."""
+_MIN_PLANES = 12
+"""Minimum number of planes: twice the six parameters of a pose."""
 
 _DAMPING = 0.01
-"""Share of the planes that resist any step: along what nothing holds there is none to take."""
+"""Damping of a step as a fraction of the maximum information; it suppresses steps along degenerate
+directions."""
 
-_LEAST_NOISE = 0.01
-"""Deviation of a gap [m] that is assumed at least, however well a few planes fit."""
+_MIN_NOISE = 0.01
+"""Minimum standard deviation of the residuals [m], however well a few planes fit."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class PlaneConstraints:
-    """Planes about the source's origin, in the target's frame.
+    """Linearised point-to-plane constraints, in axes of the target about the source's origin.
 
     Attributes
     ----------
     origin : (3,) [m]
-        The source's, in the target's frame.
-    places : (k, 3) [m]
-        From the source's origin.
-    gaps : (k,) [m]
-        Of the places from their planes.
+        Origin of the source, in the target's frame.
+    points : (k, 3) [m]
+        Query points, relative to the origin of the source.
+    residuals : (k,) [m]
+        Signed distances of the points from their planes.
     weights : (k,)
-        Of the planes, in [0, 1]: less where the gap is wide.
-    doubts : (k, 3, 3)
+        Cauchy weights of the residuals, in [0, 1].
+    normal_covariances : (k, 3, 3)
         Covariances of the normals.
-    rows : (k, 6)
-        How each gap changes with a step ``(rho, phi)``.
+    jacobian : (k, 6)
+        Derivatives of the residuals with respect to a step ``(rho, phi)``.
     information : (6, 6)
-        Of such a step, in planes: one plane whose normal is along a direction adds one.
-    possible : (6, 6)
-        What it would be if every plane faced every motion of its place.
+        Weighted normal matrix of a step, in units of one plane: a plane of weight one adds one
+        along its normal.
+    max_information : (6, 6)
+        Information if every plane were perpendicular to every motion of its point.
     """
 
     origin: Vector
@@ -60,92 +63,88 @@ class PlaneConstraints:
     residuals: Vector
     weights: Vector
     normal_covariances: NDArray[np.float64]
-    rows: Matrix
+    jacobian: Matrix
     information: Matrix
     max_information: Matrix
 
     def __post_init__(self) -> None:
-        for array in (
-            self.origin, self.points, self.residuals, self.weights, self.normal_covariances,
-            self.rows, self.information, self.max_information,
-        ):  # fmt: skip
-            frozen(array)
+        for one in fields(self):
+            frozen(getattr(self, one.name))
 
     @property
     def noise(self) -> float:
-        """Deviation of the gaps [m]."""
+        """Weighted standard deviation of the residuals [m]."""
         return max(
-            _LEAST_NOISE, math.sqrt(float(self.weights @ self.residuals**2 / self.weights.sum()))
+            _MIN_NOISE, math.sqrt(float(self.weights @ self.residuals**2 / self.weights.sum()))
         )
 
     def step(self) -> Vector:
-        """Return the (6,) step of Gauss and Newton onto the planes, slightly damped [m, rad]."""
-        damped = supported(self.information + _DAMPING * self.max_information)
-        step = -np.linalg.solve(damped, (self.weights * self.residuals) @ self.rows)
+        """Return the (6,) damped Gauss-Newton step ``(rho, phi)`` [m, rad]."""
+        damped = regularised(self.information + _DAMPING * self.max_information)
+        step = -np.linalg.solve(damped, (self.weights * self.residuals) @ self.jacobian)
         return step.astype(np.float64, copy=False)
 
     def bias_corrected_information(self) -> Matrix:
-        """Return the information less what of it comes from noise of the normals alone.
+        """Return the (6, 6) information without its bias from noisy normals.
 
-        A normal that is off sees motions along its plane, in an endless corridor those along it
-        too.
+        A noisy normal constrains motions along its plane too, such as those along an endless
+        corridor.
         """
         k = len(self.points)
-        # How a normal that is off by (3,) feels a motion.
+        # Derivative of the motion of each point with respect to a step.
         motions = np.empty((k, 3, 6))
         motions[:, :, :3] = np.eye(3)
         motions[:, :, 3:] = -hats(self.points)
-        doubted = (self.weights[:, None, None] * self.normal_covariances) @ motions
-        doubtful = motions.reshape(3 * k, 6).T @ doubted.reshape(3 * k, 6)
-        return supported(self.information - doubtful)
+        weighted = (self.weights[:, None, None] * self.normal_covariances) @ motions
+        bias = motions.reshape(3 * k, 6).T @ weighted.reshape(3 * k, 6)
+        return regularised(self.information - bias)
 
 
-def plane_constraints(surface: LocalPlanes, origin: Vector) -> PlaneConstraints | None:
-    """Return the planes of a surface about the source's origin (3,) [m] in the target's frame.
+def plane_constraints(planes: LocalPlanes, origin: Vector) -> PlaneConstraints | None:
+    """Linearise the point-to-plane constraints about the origin (3,) of the source [m].
 
-    None where too few planes are met to tell.
+    Planes and origin are in the target's frame. None if there are too few flat planes.
     """
-    flat = surface.flatness > _LEAST_FLATNESS
-    if np.count_nonzero(flat) < _LEAST_PLANES:
+    flat = planes.flatness > _MIN_FLATNESS
+    if np.count_nonzero(flat) < _MIN_PLANES:
         return None
-    normals, residuals, points = (
-        surface.normals[flat],
-        surface.residuals[flat],
-        surface.points[flat] - origin,
-    )
-    weights = 1.0 / (1.0 + (residuals / _ROUGHNESS) ** 2)
-    rows = np.hstack([normals, _crossed(points, normals)])
+    normals, residuals = planes.normals[flat], planes.residuals[flat]
+    points = planes.points[flat] - origin
+    weights = 1.0 / (1.0 + (residuals / _RESIDUAL_SCALE) ** 2)
+    jacobian = np.hstack([normals, _cross(points, normals)])
     max_information = np.zeros((6, 6))
     max_information[:3, :3] = weights.sum() * np.eye(3)
     squares = (weights[:, None] * points).T @ points
     max_information[3:, 3:] = np.trace(squares) * np.eye(3) - squares
     return PlaneConstraints(
-        origin,
-        points,
-        residuals,
-        weights,
-        surface.normal_covariances[flat],
-        rows,
-        (weights[:, None] * rows).T @ rows,
-        max_information,
+        origin=origin,
+        points=points,
+        residuals=residuals,
+        weights=weights,
+        normal_covariances=planes.normal_covariances[flat],
+        jacobian=jacobian,
+        information=(weights[:, None] * jacobian).T @ jacobian,
+        max_information=max_information,
     )
 
 
-def supported(information: Matrix) -> Matrix:
-    """Return (6, 6) information, at least a millionth of what is held in its own unit, everywhere.
+def regularised(information: Matrix) -> Matrix:
+    """Return a (6, 6) information matrix with a minimum eigenvalue, so that it can be inverted.
 
-    What no plane holds at all must not end the arithmetic, nor what noise leaves below nothing.
+    The minimum is a millionth of the mean information on translation and on rotation. Without
+    planes along a direction the eigenvalue is zero; the correction of the bias can make it
+    negative.
     """
-    units = np.sqrt(
+    scales = np.sqrt(
         np.repeat([np.trace(information[:3, :3]), np.trace(information[3:, 3:])], 3) / 3.0
     )
-    units = np.maximum(units, 1e-9)
-    held, axes = np.linalg.eigh(information / np.outer(units, units))
-    return (axes * np.maximum(held, 1e-6)) @ axes.T * np.outer(units, units)
+    scales = np.maximum(scales, 1e-9)
+    eigenvalues, axes = np.linalg.eigh(information / np.outer(scales, scales))
+    return (axes * np.maximum(eigenvalues, 1e-6)) @ axes.T * np.outer(scales, scales)
 
 
-def _crossed(first: Points, second: Points) -> Points:
-    """Return (k, 3) cross products: NumPy's own takes five times as long."""
+def _cross(first: Points, second: Points) -> Points:
+    """Return the (k, 3) cross products, five times as fast as `numpy.cross`."""
     a, b, c = first.T
     x, y, z = second.T
     return np.column_stack([b * z - c * y, c * x - a * z, a * y - b * x])

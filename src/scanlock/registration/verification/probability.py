@@ -1,8 +1,8 @@
-"""How probable it is that a pose is right: a logistic model of a few numbers.
+"""Probability that a pose is correct: a logistic model of six numbers.
 
-``probability = 1 / (1 + exp(-(INTERCEPT + sum of WEIGHTS x features)))``. The numbers come from
-``benchmarks/confidence.py``, which fits them to registrations of simulated and of real scans whose
-truth is known, and shows how well they hold on scenes that were left out of the fit.
+``probability = 1 / (1 + exp(-(INTERCEPT + sum of WEIGHTS x features)))``.
+``benchmarks/confidence.py`` fits the weights to registrations of simulated and real scans with
+ground truth, and measures the calibration on scenes left out of the fit.
 """
 
 import math
@@ -15,54 +15,65 @@ from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.observability import DirectionObservability
 
 FEATURES = (
-    "violation",
-    "misfit",
-    "log drift over roughness",
-    "log deviation of rotation",
-    "log distinction",
-    "weak",
+    "free-space violation",
+    "outlier ratio",
+    "log of refinement shift over roughness",
+    "log of rotation deviation",
+    "log of runner-up margin",
+    "degenerate",
 )
-"""What the probability is made of, in this order; see `features`."""
+"""Names of the features of the model, in the order of `WEIGHTS`; see `features`."""
 
 INTERCEPT = 1.54
 WEIGHTS = (-7.70, -3.30, -1.11, -0.55, 1.45, -4.56)
 
-_UNKNOWN_VIOLATION = 0.1
-"""Where no sensor is at the origin of either frame: a bit more than right poses mostly have."""
+_DEFAULT_VIOLATION = 0.1
+"""Free-space violation if unknown: slightly more than most correct poses have."""
 
-_CLOSEST = 0.05
-"""Distinction of a rival as good as the pose, which no logarithm could take otherwise."""
+_MIN_MARGIN = 0.05
+"""Runner-up margin of a tie; it keeps the logarithm finite."""
 
 
 def features(metrics: Metrics, directions: Sequence[DirectionObservability]) -> Vector:
-    """Return the (6,) numbers that the probability is made of, by the names of `FEATURES`.
+    """Return the (6,) features of the model, in the order of `FEATURES`.
 
-    Each between bounds beyond which more says nothing more: a model that is linear must not be
-    carried away by a number that it has never seen. `directions` are those of an
-    `Observability`, or none.
+    Each is clipped to the range of the training data, since a linear model extrapolates without
+    bound.
+
+    Parameters
+    ----------
+    metrics : Metrics
+    directions : sequence of DirectionObservability
+        All directions of an `Observability`; empty if unknown.
     """
-    turn = max((one.deviation for one in directions if one.kind == "rotation"), default=math.nan)
-    runner_up_ratio = (
-        1.0 if math.isnan(metrics.runner_up_ratio) else min(1.0, metrics.runner_up_ratio)
+    rotation_deviation = max(
+        (one.deviation for one in directions if one.kind == "rotation"), default=math.nan
     )
+    runner_up_ratio = _known(metrics.runner_up_ratio, 1.0)
     return np.array(
         [
-            _UNKNOWN_VIOLATION if math.isnan(metrics.violation) else min(metrics.violation, 0.5),
-            1.0 if math.isnan(metrics.outlier_ratio) else min(metrics.outlier_ratio, 1.0),
-            _log(metrics.refinement_shift, 0.02, 1.0, unknown=1.0)
-            - _log(metrics.roughness, 0.02, 0.5, unknown=0.3),
-            _log(turn, 0.0003, 0.03, unknown=0.03),
-            math.log(1.0 + _CLOSEST - runner_up_ratio),
+            min(_known(metrics.free_space_violation, _DEFAULT_VIOLATION), 0.5),
+            min(_known(metrics.outlier_ratio, 1.0), 1.0),
+            _log(_known(metrics.refinement_shift, 1.0), 0.02, 1.0)
+            - _log(_known(metrics.roughness, 0.3), 0.02, 0.5),
+            _log(_known(rotation_deviation, 0.03), 0.0003, 0.03),
+            math.log(1.0 + _MIN_MARGIN - min(runner_up_ratio, 1.0)),
             float(any(one.is_degenerate for one in directions)),
         ]
     )
 
 
 def probability(metrics: Metrics, directions: Sequence[DirectionObservability]) -> float:
-    """Return how probable it is that the pose is within 0.3 m and 1 degree of the truth."""
+    """Return the probability that the pose is within 0.3 m and 1 degree of the truth."""
     logit = INTERCEPT + float(np.dot(WEIGHTS, features(metrics, directions)))
     return 1.0 / (1.0 + math.exp(-logit))
 
 
-def _log(value: float, least: float, most: float, *, unknown: float) -> float:
-    return math.log(min(most, max(least, unknown if math.isnan(value) else value)))
+def _known(value: float, default: float) -> float:
+    """Return a number, or the default if it is NaN."""
+    return default if math.isnan(value) else value
+
+
+def _log(value: float, low: float, high: float) -> float:
+    """Return the logarithm of a number clipped to [low, high]."""
+    return math.log(min(high, max(low, value)))

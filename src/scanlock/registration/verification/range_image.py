@@ -1,4 +1,4 @@
-"""How far a scan saw in every direction, and what that says about places it looked through."""
+"""Range images of scans, and the points that lie in the free space of a scan."""
 
 import math
 from dataclasses import dataclass
@@ -17,86 +17,88 @@ from scanlock.kernels.verification.range_image import (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RangeImage:
-    """The ranges at which a scan saw something, by direction from the origin of its frame.
+    """Range image of a scan on the six faces of a cube around the sensor.
 
     Attributes
     ----------
-    nearest : (6, s, s) [m]
-        Range of the nearest point in and around each bin of the faces of a cube; infinite where
-        the bin itself has none, and nothing is known.
+    ranges : (6, s, s) [m]
+        Range of the nearest point in each cell and its neighbours; infinite in cells without
+        a point of their own.
     settings : RangeImager
-        What made it, and how it is read.
+        Settings of the image.
     """
 
-    nearest: NDArray[np.float64]
+    ranges: NDArray[np.float64]
     settings: "RangeImager"
 
     def __post_init__(self) -> None:
-        frozen(self.nearest)
+        frozen(self.ranges)
 
     def free_space_violation(
         self, points: Points, image_from_points: Pose, weights: Vector
     ) -> float:
-        """Return the share, by weight, of (n, 3) points [m] that lie where the scan looked through.
+        """Return the weighted fraction of (n, 3) points [m] in the free space of the scan.
 
-        Of the points that it would have seen: in a direction where it saw anything, and not
-        hidden behind that. What is hidden says nothing, and would water down what is not. NaN
-        where fewer than `least_count` points are left.
+        Only visible points count: those in a cell with a range, and not occluded. Occluded
+        points are no evidence and would dilute the fraction. NaN with fewer than `min_points`
+        visible points.
         """
         settings = self.settings
-        count, known, before = free_space_violation(
-            self.nearest,
+        count, visible, violating = free_space_violation(
+            self.ranges,
             points,
             weights,
             image_from_points.rotation,
             image_from_points.translation,
             settings.margin,
-            settings.share,
-            settings.hidden_margin,
-            settings.hidden_share,
+            settings.relative_margin,
+            settings.occlusion_margin,
+            settings.relative_occlusion_margin,
         )
-        return before / known if count >= settings.least_count else math.nan
+        return violating / visible if count >= settings.min_points else math.nan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RangeImager:
-    """Settings of the image; the defaults part right poses from wrong ones best on real scans."""
+    """Settings of range images; the defaults separate correct from wrong real poses best."""
 
-    side: int = 90
-    """Bins along a side of each of the six faces: one for each degree."""
+    cells_per_side: int = 90
+    """Number of cells along each side of the six faces; 90 give one cell per degree."""
 
-    reach: int = 1
-    """A bin counts with its neighbours this far: an edge that moved by a bin frees no space."""
+    neighbourhood: int = 1
+    """Number of neighbouring cells on either side whose ranges count for a cell too: an edge off
+    by one cell then frees no space."""
 
     margin: float = 0.2
-    """How much nearer than the nearest point a place must be to have been looked through [m]."""
+    """Distance [m] in front of the range of its cell from which a point is in free space."""
 
-    share: float = 0.01
-    """And by what share of the range: bins are wide far away."""
+    relative_margin: float = 0.01
+    """Additional margin as a fraction of the range, since distant cells are wide."""
 
-    hidden_margin: float = 2.0
-    """How far behind the nearest point a place is hidden [m]."""
+    occlusion_margin: float = 2.0
+    """Distance [m] behind the range of its cell from which a point is occluded."""
 
-    hidden_share: float = 0.05
-    """And by what share of the range."""
+    relative_occlusion_margin: float = 0.05
+    """Additional occlusion margin as a fraction of the range."""
 
-    least_count: int = 6
-    """Fewer points than these that could be seen say nothing."""
+    min_points: int = 6
+    """Minimum number of visible points; with fewer the violation is unknown."""
 
     def __post_init__(self) -> None:
-        require_count("side", self.side, 1)
-        require_count("reach", self.reach, 0)
+        require_count("cells_per_side", self.cells_per_side, 1)
+        require_count("neighbourhood", self.neighbourhood, 0)
         require_at_least("margin", self.margin, 0.0, unit="m")
-        require_fraction("share", self.share)
-        require_at_least("hidden_margin", self.hidden_margin, 0.0, unit="m")
-        require_at_least("hidden_share", self.hidden_share, 0.0)
-        require_count("least_count", self.least_count, 1)
+        require_fraction("relative_margin", self.relative_margin)
+        require_at_least("occlusion_margin", self.occlusion_margin, 0.0, unit="m")
+        require_at_least("relative_occlusion_margin", self.relative_occlusion_margin, 0.0)
+        require_count("min_points", self.min_points, 1)
 
     def image(self, cloud: PointCloud) -> RangeImage | None:
-        """Return the image of a cloud about its sensor; None where its origin is no sensor."""
+        """Return the range image of a cloud; None if its origin is not the sensor."""
         if cloud.origin.any():
             return None
-        ranges = nearest_ranges(cloud.points, self.side)
-        return RangeImage(read_only(nearest_around(read_only(ranges), self.reach)), self)
+        ranges = nearest_ranges(cloud.points, self.cells_per_side)
+        ranges = nearest_around(read_only(ranges), self.neighbourhood)
+        return RangeImage(ranges=read_only(ranges), settings=self)

@@ -1,8 +1,7 @@
-"""Where a pose comes to rest on the surfaces that both scans show, and how far off it was.
+"""Point-to-plane refinement of a pose, and the distance by which it moves the pose.
 
-Gauss and Newton's steps onto planes that are fitted anew after each: a pose that is off by some
-centimetres comes to rest where it should have been, and what is left of the misfit there tells
-right places from wrong ones.
+Gauss-Newton steps on planes fitted anew after each step. A correct but coarse pose is refined by
+some centimetres and then fits; a wrong pose keeps large residuals.
 """
 
 import math
@@ -10,44 +9,45 @@ from dataclasses import dataclass
 
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import exp_rotation, log_rotation
-from scanlock.registration.verification.features import PROBER, VerificationFeatures
-from scanlock.registration.verification.local_planes import LocalPlanes, joined
+from scanlock.registration.verification.features import PLANE_FITTER, VerificationFeatures
+from scanlock.registration.verification.local_planes import LocalPlanes, concatenated
 from scanlock.registration.verification.observability import Observability, observability_of
 from scanlock.registration.verification.plane_constraints import plane_constraints
 
-_MOST_STEPS = 4
-"""Three mostly do; where four do not, the pose is wrong, or held by nothing."""
+_MAX_STEPS = 4
+"""Maximum number of steps. Three mostly suffice; where four do not, the pose is wrong or
+degenerate."""
 
-_SMALL_STEP = 0.02
-"""After a step shorter than this [m] the planes are the same: no probing anew is worth it."""
+_MIN_STEP = 0.02
+"""Length of a step [m] below which the planes are not fitted again: they would be the same."""
 
 _ROTATION_SCALE = 0.3 / math.radians(1.0)
-"""Where a rotation counts as a distance [m]: a pose may be off by 0.3 m or by a degree to count as
-right, which is 17 m away the same."""
+"""Distance at which a rotation counts as a translation: 17 m, where the tolerances of a correct
+pose, 0.3 m and 1 degree, are equal."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Refinement:
-    """A pose and what it came to.
+    """Planes at a pose and at the refined pose, with the observability there.
 
     Attributes
     ----------
-    ahead : ProbedSurface
-        What the source's probes meet of the target, at the pose itself.
-    back : ProbedSurface
-        What the target's probes meet of the source there.
-    surface : ProbedSurface
-        What either meets of the other where the pose came to rest.
-    hold : Hold or None
-        How firmly that holds it; None where they share too few planes.
-    drift : float [m]
-        How far the source moved, at 17 m from its origin; NaN without planes.
+    target_planes : LocalPlanes
+        Planes of the target around the source's query points, at the pose before refinement.
+    source_planes : LocalPlanes
+        Planes of the source around the target's query points, at the pose before refinement.
+    refined_planes : LocalPlanes
+        Planes of both scans at the refined pose.
+    observability : Observability or None
+        Observability of the refined pose; None if the scans share too few planes.
+    refinement_shift : float [m]
+        Distance by which refinement moves the source, at 17 m from its origin; NaN if the scans
+        share too few planes.
     """
 
-    forward: LocalPlanes
-    backward: LocalPlanes
-    surface: LocalPlanes
+    target_planes: LocalPlanes
+    source_planes: LocalPlanes
+    refined_planes: LocalPlanes
     observability: Observability | None
     refinement_shift: float
 
@@ -55,33 +55,48 @@ class Refinement:
 def refine_pose(
     target: VerificationFeatures, source: VerificationFeatures, pose: Pose
 ) -> Refinement:
-    """Return where a pose comes to rest, target from source in their local frames."""
-    forward, backward = _probed(target, source, pose)
-    surface = joined([forward, backward])
-    footing = plane_constraints(surface, pose.translation)
-    rest = pose
-    for _ in range(_MOST_STEPS):
-        if footing is None:
-            return Refinement(forward, backward, surface, None, math.nan)
-        step = footing.step()
-        rest = Pose(exp_rotation(step[3:]) @ rest.rotation, rest.translation + step[:3])
-        if _length(step[:3], step[3:]) < _SMALL_STEP:
+    """Refine a pose, target from source in the local frames of the scans, point-to-plane."""
+    target_planes, source_planes = _fit_planes(target, source, pose)
+    planes = concatenated([target_planes, source_planes])
+    constraints = plane_constraints(planes, pose.translation)
+    refined = pose
+    for _ in range(_MAX_STEPS):
+        if constraints is None:
+            return Refinement(
+                target_planes=target_planes,
+                source_planes=source_planes,
+                refined_planes=planes,
+                observability=None,
+                refinement_shift=math.nan,
+            )
+        step = constraints.step()
+        refined = refined.perturbed(step)
+        if _length(step) < _MIN_STEP:
             break
-        surface = joined(_probed(target, source, rest))
-        footing = plane_constraints(surface, rest.translation)
-    observability = None if footing is None else observability_of(footing, target.held)
-    turn = log_rotation(rest.rotation @ pose.rotation.T)
-    refinement_shift = _length(rest.translation - pose.translation, turn)
-    return Refinement(forward, backward, surface, observability, refinement_shift)
+        planes = concatenated(_fit_planes(target, source, refined))
+        constraints = plane_constraints(planes, refined.translation)
+    return Refinement(
+        target_planes=target_planes,
+        source_planes=source_planes,
+        refined_planes=planes,
+        observability=(
+            None
+            if constraints is None
+            else observability_of(constraints, target.cluster_constraints)
+        ),
+        refinement_shift=_length(refined.difference(pose)),
+    )
 
 
-def _probed(
+def _fit_planes(
     target: VerificationFeatures, source: VerificationFeatures, pose: Pose
 ) -> tuple[LocalPlanes, LocalPlanes]:
-    forward = PROBER.fit(target.cell_list, pose.apply(source.query_points))
-    backward = PROBER.fit(source.cell_list, pose.inverse().apply(target.query_points))
-    return forward, backward.reversed(pose)
+    """Return the planes of the target, then those of the source, in the target's frame."""
+    of_target = PLANE_FITTER.fit(target.cell_list, pose.apply(source.query_points))
+    of_source = PLANE_FITTER.fit(source.cell_list, pose.inverse().apply(target.query_points))
+    return of_target, of_source.reversed(pose)
 
 
-def _length(shift: Vector, turn: Vector) -> float:
-    return math.hypot(*shift, *(_ROTATION_SCALE * turn))
+def _length(step: Vector) -> float:
+    """Return the length [m] of a step ``(rho, phi)``."""
+    return math.hypot(*step[:3], *(_ROTATION_SCALE * step[3:]))

@@ -1,28 +1,32 @@
-"""How a registration ended."""
+"""Outcome of a registration."""
 
 import enum
 
 
-class Status(enum.Enum):
-    """How a registration ended; only `OK` is a pose to use unseen."""
+class Status(enum.StrEnum):
+    """Outcome of a registration; only a pose with `OK` may be used without inspection."""
 
     OK = "ok"
-    """The solver converged, and the scans agree at the pose as they do at right ones."""
+    """The solver converged, and the pose passed every check of the verification."""
 
     DEGENERATE = "degenerate"
-    """The scans look alike when moved along some direction; the pose may be wrong along it."""
+    """The overlapping geometry does not constrain some direction; the pose may be off in it."""
 
     AMBIGUOUS = "ambiguous"
-    """Another pose, not near the one chosen, agrees nearly as well."""
+    """Another pose scores nearly as well."""
 
     LOW_OVERLAP = "low_overlap"
-    """Too little of the scans agrees at the pose: it is likely wrong, or they share too little."""
+    """The scans overlap too little to decide whether the pose is correct."""
 
     UNVERIFIED = "unverified"
-    """The verification does not confirm the pose."""
+    """The verification was not asked for, or its probability is below the threshold."""
+
+    INACCURATE = "inaccurate"
+    """The place is right, but point-to-plane refinement would still move the pose too far."""
 
     NOT_CONVERGED = "not_converged"
-    """The iteration limit came first, or the pose is not at rest on the surfaces that both show."""
+    """The solver reached its iteration limit."""
 
     NO_CORRESPONDENCES = "no_correspondences"
-    """Nothing of the two scans meets, or one holds too few parts; the initial pose, untouched."""
+    """The scans have no correspondences, or one has too few Gaussians or points; the pose is the
+    initial one."""

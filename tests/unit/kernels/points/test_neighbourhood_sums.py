@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from reference import probing as reference
+from reference import neighbourhood_sums as reference
 from scanlock.arrays import read_only
 from scanlock.kernels.points.neighbourhood_sums import sorted_by_cube, sums_near
 

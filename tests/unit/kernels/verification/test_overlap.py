@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from reference import gaussian_scores as reference
-from reference.meeting import meet
+from reference.gaussian_overlap import overlaps
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
@@ -37,9 +37,9 @@ def test_meetings_match_the_definition(seed, limit):
     spread = 4.0 * np.sqrt(limit)
     target, source = (gaussians(rng, 40, spread=spread, most=3.0) for _ in range(2))
     met = _meeting(target, source, limit)
-    expected = meet(target.means, target.covariances, source.means, source.covariances, limit)
+    expected = overlaps(target.means, target.covariances, source.means, source.covariances, limit)
     np.testing.assert_array_equal(met, expected)
-    other_way = meet(source.means, source.covariances, target.means, target.covariances, limit)
+    other_way = overlaps(source.means, source.covariances, target.means, target.covariances, limit)
     np.testing.assert_array_equal(_met_and_score(target, source, limit)[1], other_way)
     assert len(set(expected)) == 2
 

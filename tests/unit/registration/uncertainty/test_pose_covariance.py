@@ -12,23 +12,28 @@ from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.uncertainty.pose_covariance import PoseCovariance
 
 _POSE = Pose.from_step(np.array([4.0, -2.0, 0.5, 0.3, -0.2, 1.1]))
-_PLACE = np.array([30.0, -10.0, 2.0])
+_ORIGIN, _POINT = np.zeros(3), np.array([30.0, -10.0, 2.0])
 
 
-def _covariance(place=None):
+def _covariance(reference_point=_ORIGIN, matrix=None):
     rng = np.random.default_rng(2)
     half = rng.normal(size=(6, 9)) * np.repeat([2e-3, 2e-4], 3)[:, None]
-    return PoseCovariance(half @ half.T, _POSE, np.zeros(3) if place is None else place, "sandwich")
+    return PoseCovariance(
+        matrix=half @ half.T if matrix is None else matrix,
+        pose=_POSE,
+        reference_point=reference_point,
+        method="sandwich",
+    )
 
 
-def _drawn(covariance, count=6_000):
-    """True poses as the convention says: the place shifted, the rotation turned about it."""
+def _true_poses(covariance, count=6_000):
+    """True poses by the convention: the reference point shifted, the rotation about it."""
     rng = np.random.default_rng(7)
     errors = rng.multivariate_normal(np.zeros(6), covariance.matrix, count)
-    pose, place = covariance.pose, covariance.reference_point
+    pose, point = covariance.pose, covariance.reference_point
     for error in errors:
         rotation = exp_rotation(error[3:]) @ pose.rotation
-        yield Pose(rotation, pose.apply(place) + error[:3] - rotation @ place)
+        yield Pose(rotation, pose.apply(point) + error[:3] - rotation @ point)
 
 
 def _scatter(samples):
@@ -36,31 +41,33 @@ def _scatter(samples):
     return samples.T @ samples / len(samples)
 
 
-@pytest.mark.parametrize("place", [np.zeros(3), _PLACE])
-def test_it_says_where_any_point_lands(place):
-    covariance, point = _covariance(place), np.array([12.0, 5.0, -1.0])
-    moved = (true.apply(point) - _POSE.apply(point) for true in _drawn(covariance))
-    expected = covariance.at(point)
-    np.testing.assert_allclose(_scatter(moved), expected, atol=0.07 * np.abs(expected).max())
-    np.testing.assert_array_equal(covariance.at(place), covariance.matrix[:3, :3])
+@pytest.mark.parametrize("reference_point", [_ORIGIN, _POINT])
+def test_the_covariance_of_any_point_follows_from_that_of_the_reference_point(reference_point):
+    covariance, point = _covariance(reference_point), np.array([12.0, 5.0, -1.0])
+    errors = (true.apply(point) - _POSE.apply(point) for true in _true_poses(covariance))
+    expected = covariance.point_covariance(point)
+    np.testing.assert_allclose(_scatter(errors), expected, atol=0.07 * np.abs(expected).max())
+    np.testing.assert_array_equal(
+        covariance.point_covariance(reference_point), covariance.matrix[:3, :3]
+    )
 
 
-@pytest.mark.parametrize("place", [np.zeros(3), _PLACE])
-def test_the_source_frame_is_that_of_motions_before_the_pose(place):
-    covariance = _covariance(place)
-    back = _POSE.inverse()
+@pytest.mark.parametrize("reference_point", [_ORIGIN, _POINT])
+def test_the_covariance_in_the_source_frame_is_that_of_motions_before_the_pose(reference_point):
+    covariance = _covariance(reference_point)
+    inverse = _POSE.inverse()
 
-    def local(true):
-        step = back @ true
+    def motion(true):
+        step = inverse @ true
         return np.concatenate([log_rotation(step.rotation), step.translation])
 
     expected = covariance.in_source_frame_rotation_first()
-    found = _scatter(local(true) for true in _drawn(covariance))
+    found = _scatter(motion(true) for true in _true_poses(covariance))
     scale = np.sqrt(np.diag(expected))
     np.testing.assert_allclose(found / np.outer(scale, scale), _correlation(expected), atol=0.07)
-    first = covariance.in_source_frame()
-    np.testing.assert_array_equal(expected[:3, :3], first[3:, 3:])
-    np.testing.assert_array_equal(expected[:3, 3:], first[3:, :3])
+    translation_first = covariance.in_source_frame()
+    np.testing.assert_array_equal(expected[:3, :3], translation_first[3:, 3:])
+    np.testing.assert_array_equal(expected[:3, 3:], translation_first[3:, :3])
 
 
 def _correlation(matrix):
@@ -68,42 +75,42 @@ def _correlation(matrix):
     return matrix / np.outer(scale, scale)
 
 
-def test_it_can_be_the_prior_of_the_next_call():
+def test_a_covariance_has_the_conventions_of_a_prior():
     covariance = _covariance()
     prior = PosePrior(_POSE, covariance.matrix)
     error = np.array([1e-3, 2e-3, -1e-3, 1e-4, -3e-4, 2e-4])
-    true = Pose(exp_rotation(error[3:]) @ _POSE.rotation, _POSE.translation + error[:3])
     expected = 0.5 * error @ np.linalg.solve(covariance.matrix, error)
-    assert prior.linearise(true).value == pytest.approx(expected)
+    assert prior.linearise(_POSE.perturbed(error)).value == pytest.approx(expected)
 
 
-def test_deviations_are_roots_of_the_diagonal():
+def test_deviations_are_square_roots_of_the_diagonal():
     covariance = _covariance()
     np.testing.assert_allclose(covariance.deviations**2, np.diag(covariance.matrix))
     assert "forward" in repr(covariance)
 
 
-def test_it_is_plain_in_a_dictionary_and_survives_pickling():
-    covariance = _covariance(_PLACE)
+def test_a_covariance_survives_json_and_pickling():
+    covariance = _covariance(_POINT)
     plain = json.loads(json.dumps(covariance.as_dict(), allow_nan=False))
     np.testing.assert_array_equal(plain["matrix"], covariance.matrix)
-    assert plain["units"] is None
+    assert plain["blocks"] is None
     again = pickle.loads(pickle.dumps(covariance))
     np.testing.assert_array_equal(again.matrix, covariance.matrix)
-    np.testing.assert_array_equal(again.place, _PLACE)
-    assert (again.pose, again.way) == (covariance.pose, covariance.method)
-    assert math.isnan(again.units)
+    np.testing.assert_array_equal(again.reference_point, _POINT)
+    assert not again.matrix.flags.writeable
+    assert (again.pose, again.method) == (covariance.pose, covariance.method)
+    assert math.isnan(again.blocks)
 
 
 @pytest.mark.parametrize("matrix", [np.eye(3), np.full((6, 6), np.nan), np.full((6, 6), np.inf)])
-def test_what_is_no_covariance_is_refused(matrix):
-    with pytest.raises(InvalidInput, match="finite"):
-        PoseCovariance(matrix, _POSE, np.zeros(3), "hessian")
+def test_a_matrix_of_the_wrong_shape_or_not_finite_is_refused(matrix):
+    with pytest.raises(InvalidInput, match="matrix must be a finite"):
+        _covariance(matrix=matrix)
 
 
 @pytest.mark.parametrize("point", [np.zeros(2), np.array([0.0, np.nan, 0.0])])
-def test_a_point_that_is_none_is_refused(point):
-    with pytest.raises(InvalidInput, match="three finite coordinates"):
-        _covariance().at(point)
-    with pytest.raises(InvalidInput, match="three finite coordinates"):
+def test_a_point_of_the_wrong_shape_or_not_finite_is_refused(point):
+    with pytest.raises(InvalidInput, match="point must be three finite coordinates"):
+        _covariance().point_covariance(point)
+    with pytest.raises(InvalidInput, match="reference_point must be three finite coordinates"):
         _covariance(point)
