@@ -1,4 +1,4 @@
-"""Settings as values, and the one compiled form of every kernel."""
+"""Settings are values, and every kernel is compiled for one signature."""
 
 import os
 import pickle
@@ -22,7 +22,7 @@ _TESTS = Path(__file__).resolve().parents[1]
 _PYTHONPATH = [path for path in [os.environ.get("PYTHONPATH")] if path]
 
 
-def test_settings_compare_by_value_and_cannot_be_changed(method):
+def test_settings_compare_by_value_and_are_frozen(method):
     settings = METHODS[method]
     assert replace(settings) == settings
     assert hash(replace(settings)) == hash(settings)
@@ -35,25 +35,25 @@ def test_settings_compare_by_value_and_cannot_be_changed(method):
     ).target_from_source == (result(method).target_from_source)
 
 
-def test_a_scan_prepared_once_serves_as_target_and_as_source(method):
+def test_prepared_data_serves_as_target_and_as_source(method):
     settings = METHODS[method]
-    stays, moves = (
+    first, second = (
         settings.prepare(PointCloud.from_array(scan)) for scan in (target(), source(method))
     )
     searches = TRAITS[method].searches
     forth = (
-        settings.find(stays, moves).solution
+        settings.find(first, second).solution
         if searches
-        else settings.align(stays, moves, Pose.identity())
+        else settings.align(first, second, Pose.identity())
     )
     assert forth.pose == result(method).target_from_source
-    back = settings.align(moves, stays, Pose.identity())
+    back = settings.align(second, first, Pose.identity())
     assert (forth.pose @ back.pose).is_close(
         Pose.identity(), translation=2 * METRES, rotation=2 * RADIANS
     )
 
 
-def test_an_unknown_method_is_refused_with_the_names(method):
+def test_an_unknown_method_is_refused_with_the_known_names(method):
     assert DEFAULT_METHOD in METHODS
     with pytest.raises(InvalidInput, match=f"{method}.*, got 'icp-of-old'"):
         register(source=source(method), target=target(), method="icp-of-old")
@@ -78,16 +78,17 @@ for layout in layouts:
     scanlock.segment(layout)
     scanlock.register(layout, double, method=sys.argv[1])
     scanlock.register(double, layout, method=sys.argv[1])
-for info in pkgutil.iter_modules(scanlock.kernels.__path__):
-    module = importlib.import_module(f"scanlock.kernels.{info.name}")
+root = "scanlock.kernels."
+for info in pkgutil.walk_packages(scanlock.kernels.__path__, root):
+    module = importlib.import_module(info.name)
     for name, value in vars(module).items():
         if hasattr(value, "signatures"):
-            print(f"{info.name}.{name}", len(value.signatures))
+            print(f"{info.name.removeprefix(root)}.{name}", len(value.signatures))
 """
 
 
 def test_every_kernel_is_compiled_for_one_signature(method):
-    # In a process of its own: here, tests have called kernels with arrays of their own.
+    # In a separate process: other tests call kernels with further array layouts.
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", _EVERY_LAYOUT, method],
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(_TESTS), *_PYTHONPATH])},
@@ -99,15 +100,20 @@ def test_every_kernel_is_compiled_for_one_signature(method):
     signatures = dict(line.split() for line in done.stdout.splitlines())
     assert set(signatures.values()) <= {"0", "1"}
     used = {
-        "polar.polar_cells",
-        "cutting.cut_by_extent",
-        "meeting.met_and_score",
-        "probing.sorted_by_cube",
-        "probing.sums_near",
+        "points.polar.polar_cells",
+        "points.neighbourhood_sums.sorted_by_cube",
+        "points.neighbourhood_sums.sums_near",
+        "ground.splitting.cut_by_extent",
+        "ground.clusters.occupied_cells",
+        "ground.clusters.joined_groups",
+        "verification.overlap.met_and_score",
     }
-    used |= {"grouping.occupied_cells", "grouping.joined_groups"}
     if "p2d" in method:
-        used |= {"p2d.p2d_terms", "p2d.point_balls", "morton.morton_codes"}
+        used |= {
+            "gaussians.p2d.p2d_terms",
+            "gaussians.p2d.point_balls",
+            "points.morton.morton_codes",
+        }
     elif "d2d" in method:
-        used |= {"d2d.d2d_terms"}
+        used |= {"gaussians.d2d.d2d_terms"}
     assert {signatures[name] for name in used} == {"1"}

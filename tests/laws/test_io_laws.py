@@ -1,4 +1,4 @@
-"""What is written reads back; what is cut or damaged never passes for a smaller scan."""
+"""Files round-trip; truncated or damaged files are never read as smaller scans."""
 
 import contextlib
 import tempfile
@@ -39,7 +39,7 @@ _VARIANTS = [
     ("a.pts", None),
 ]
 _COUNTED = [variant for variant in _VARIANTS if variant[0] not in ("a.csv", "a.xyz")]
-"""Formats that say how many points they hold."""
+"""Formats that store the number of points."""
 
 _FIELD_TYPES = ["i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8"]
 
@@ -79,7 +79,7 @@ def test_round_trip(folder, name, encoding, scan):
     assert np.array_equal(again.points.astype(points.dtype), points, equal_nan=True)
     assert list(again.fields) == list(fields)
     for key, values in fields.items():
-        # Text has numbers but no types: what matters is that every value comes back.
+        # Text has no types: only the values are compared.
         back = again.fields[key].astype(values.dtype)
         assert np.array_equal(back, values, equal_nan=values.dtype.kind == "f")
         if name not in ("a.csv", "a.xyz", "a.pts"):
@@ -94,7 +94,7 @@ def _example(path, encoding):
 
 
 @pytest.mark.parametrize(("name", "encoding"), _COUNTED)
-def test_no_cut_file_passes_for_a_smaller_scan(folder, name, encoding):
+def test_truncated_files_are_never_read_as_smaller_scans(folder, name, encoding):
     path = folder / name
     points, data = _example(path, encoding)
     for end in range(1, len(data)):
@@ -103,14 +103,14 @@ def test_no_cut_file_passes_for_a_smaller_scan(folder, name, encoding):
             scan = read_scan(path)
         except FormatError:
             continue
-        # Text may lose digits of its very last number; the missing line end gives it away.
+        # Text may lose digits of its last number; the missing line end is noted.
         assert b"\n" not in data[end:-1]
         assert len(scan) == len(points)
-        assert "no end" in scan.notes[0]
+        assert "no line end" in scan.notes[0]
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.xyz"])
-def test_tables_without_a_count_can_lose_whole_lines_only(folder, name):
+def test_truncated_tables_without_a_count_lose_whole_lines_only(folder, name):
     path = folder / name
     _, data = _example(path, None)
     for end in range(1, len(data)):
@@ -124,7 +124,7 @@ def test_tables_without_a_count_can_lose_whole_lines_only(folder, name):
 
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(data=st.data())
-def test_damage_is_a_format_error_or_goes_unseen(folder, name, encoding, data):
+def test_damaged_files_are_read_or_raise_a_format_error(folder, name, encoding, data):
     path = folder / name
     _, content = _example(path, encoding)
     damaged = bytearray(content)
@@ -138,7 +138,7 @@ def test_damage_is_a_format_error_or_goes_unseen(folder, name, encoding, data):
 
 
 @given(content=st.binary(min_size=1, max_size=200), suffix=st.sampled_from(["pcd", "ply", "npy"]))
-def test_no_content_raises_anything_but_a_format_error(folder, content, suffix):
+def test_arbitrary_content_raises_format_errors_only(folder, content, suffix):
     magic = {
         "pcd": b"# .PCD\nVERSION 0.7\n",
         "ply": b"ply\nformat ascii 1.0\n",

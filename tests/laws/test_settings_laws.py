@@ -1,4 +1,4 @@
-"""Settings come back from TOML as they were, to the last digit."""
+"""Settings round-trip through TOML to the last digit."""
 
 import contextlib
 import dataclasses
@@ -14,11 +14,11 @@ from scanlock.registration.settings.types import allowed, annotations_of
 
 
 def _values(annotation):
-    """Values that an annotation allows, whether or not they are in range."""
+    """Values of the types that an annotation allows, in range or not."""
     allows = allowed(annotation)
     kinds = [_settings(kind) for kind in allows.classes]
-    if allows.words:
-        kinds.append(st.sampled_from(allows.words))
+    if allows.literals:
+        kinds.append(st.sampled_from(allows.literals))
     for kind in allows.scalars:
         kinds.append(
             {
@@ -36,7 +36,7 @@ def _values(annotation):
 
 @st.composite
 def _settings(draw, kind, base=None):
-    """Settings of a class with some fields changed, as long as they stay in range."""
+    """Settings of a class with some fields changed, within their ranges."""
     annotations = annotations_of(kind)
     settings = base
     if base is None:
@@ -67,7 +67,7 @@ def _settings(draw, kind, base=None):
         lambda name: _settings(type(METHODS[name]), METHODS[name])
     )
 )
-def test_settings_come_back_from_their_text(settings):
+def test_settings_round_trip_through_toml(settings):
     text = settings_to_toml(settings)
     again = settings_from_toml(text)
     assert again == settings
@@ -86,7 +86,7 @@ _TEXTS = {name: settings_to_toml(method).splitlines() for name, method in METHOD
         ["", "= 1", '"x"', "1", "-1.5", "nan", "[]", "[[1]]", "{a = 1}", "true", "none"]
     ),
 )
-def test_a_changed_line_is_read_or_refused(name, row, value):
+def test_an_edited_line_is_read_or_refused(name, row, value):
     lines = list(_TEXTS[name])
     row %= len(lines)
     lines[row] = lines[row].split("=")[0] + (f"= {value}" if "=" in lines[row] else value)

@@ -1,4 +1,4 @@
-"""The odometry metric of the KITTI benchmark, step by step as its description has it."""
+"""KITTI odometry metric, written step by step from its definition."""
 
 import itertools
 import math
@@ -9,11 +9,11 @@ LENGTHS = range(100, 900, 100)
 
 
 def segment_errors(estimate, truth, every=10):
-    """Return (first frame, last frame, metres per metre, radians per metre) of each segment.
+    """Compute (first frame, last frame, metres per metre, radians per metre) of each segment.
 
-    Both are lists of 4x4 matrices. A segment starts at every tenth frame and ends at the first
-    frame whose path length along the truth exceeds that of the start by more than the nominal
-    one; both errors are divided by the nominal length.
+    `estimate` and `truth` are lists of 4x4 matrices. A segment starts at every tenth frame and
+    ends at the first frame whose path length along the truth exceeds that of the start by more
+    than the nominal one; both errors are divided by the nominal length.
     """
     along = [0.0]
     for before, after in itertools.pairwise(truth):
@@ -28,8 +28,8 @@ def segment_errors(estimate, truth, every=10):
                 continue
             true_motion = np.linalg.inv(truth[first]) @ truth[last]
             motion = np.linalg.inv(estimate[first]) @ estimate[last]
-            gap = np.linalg.inv(motion) @ true_motion
-            cosine = 0.5 * (gap[0, 0] + gap[1, 1] + gap[2, 2] - 1.0)
-            turn = math.acos(max(-1.0, min(1.0, cosine)))
-            found.append((first, last, math.hypot(*gap[:3, 3]) / length, turn / length))
+            error = np.linalg.inv(motion) @ true_motion
+            cosine = 0.5 * (error[0, 0] + error[1, 1] + error[2, 2] - 1.0)
+            angle = math.acos(max(-1.0, min(1.0, cosine)))
+            found.append((first, last, math.hypot(*error[:3, 3]) / length, angle / length))
     return found

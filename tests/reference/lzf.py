@@ -1,4 +1,4 @@
-"""LZF from its description: what a control byte and the bytes after it stand for."""
+"""LZF decompression, written from its description."""
 
 
 def unpack(packed: bytes) -> bytes:

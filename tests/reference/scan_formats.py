@@ -1,4 +1,4 @@
-"""Slow readers written from the formats' descriptions, one value after the other."""
+"""Slow readers of scan formats, written from their descriptions."""
 
 import struct
 from pathlib import Path
@@ -36,7 +36,7 @@ _PLY_CODES = {
 
 
 def read_pcd(path: Path) -> dict[str, np.ndarray]:
-    """Return every field by name; fields of several values as (n, count)."""
+    """Read all fields by name; fields of several values have shape (n, count)."""
     data = path.read_bytes()
     header = {}
     offset = 0
@@ -80,7 +80,7 @@ def read_pcd(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_ply(path: Path) -> dict[str, np.ndarray]:
-    """Return the scalar properties of the vertices, as float64."""
+    """Read the scalar properties of the vertices, as float64."""
     data = path.read_bytes()
     end = data.index(b"end_header")
     end = data.index(b"\n", end) + 1
@@ -126,13 +126,13 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_float32(path: Path, width: int) -> np.ndarray:
-    """Return rows of `width` little-endian float32, as float64."""
+    """Read rows of `width` little-endian float32, as float64."""
     data = path.read_bytes()
     return np.array(list(struct.iter_unpack(f"<{width}f", data)), dtype=np.float64)
 
 
 def read_table(path: Path, separators: str, header_lines: int) -> np.ndarray:
-    """Return the numbers of a text table, line by line."""
+    """Read the numbers of a text table, line by line."""
     rows = []
     for line in path.read_text().splitlines()[header_lines:]:
         for mark in separators:

@@ -1,4 +1,4 @@
-"""A series of small scans with exact poses, and records as registrations leave them."""
+"""A small series of scans with exact poses, and study records."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ METHOD = METHODS["sgc-ndt-d2d"]
 
 
 def toy_series():
-    """Four looks at one street, each a step further."""
+    """Four scans of one street, each a step further."""
     poses = [Pose.identity()]
     for _ in range(3):
         poses.append(poses[-1] @ STEP)

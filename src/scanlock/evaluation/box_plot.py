@@ -1,4 +1,4 @@
-"""Numbers summed up as a box plot draws them."""
+"""Box-plot statistics of a sample."""
 
 from dataclasses import dataclass
 
@@ -9,55 +9,62 @@ from scanlock.arrays import Vector, frozen
 from scanlock.errors import InvalidInput, require_positive
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class BoxPlot:
-    """A box and its whiskers.
+    """Quartiles, whiskers and outliers of a sample, in the unit of its values.
 
     Attributes
     ----------
     count : int
-        How many finite values there are.
-    low, lower, median, upper, high : float
-        Lower whisker, quartiles, upper whisker. Whiskers end at the last value inside their reach.
+        Number of finite values.
+    lower_whisker, upper_whisker : float
+        Smallest and largest value that is no outlier.
+    lower_quartile, median, upper_quartile : float
     outliers : (n,)
-        What lies beyond the whiskers, ascending.
+        Values beyond the whiskers, ascending.
     """
 
     count: int
-    low: float
-    lower: float
+    lower_whisker: float
+    lower_quartile: float
     median: float
-    upper: float
-    high: float
+    upper_quartile: float
+    upper_whisker: float
     outliers: Vector
 
     def __post_init__(self) -> None:
         frozen(self.outliers)
 
 
-def spread(values: ArrayLike, reach: float = 1.5) -> BoxPlot:
-    """Return the spread of values; those that are not finite are left out.
+def box_plot(values: ArrayLike, reach: float = 1.5) -> BoxPlot:
+    """Compute the box-plot statistics of values; NaN and Inf are left out.
 
     Parameters
     ----------
     values : (n,)
     reach : float
-        Length of the whiskers over the distance of the quartiles: 1.5 in Das et al. 2013.
+        Maximum length of the whiskers in interquartile ranges; 1.5 in Das et al. 2013.
 
     Raises
     ------
     InvalidInput
-        No finite value.
+        No finite value, or a `reach` that is not positive.
     """
     require_positive("reach", reach)
     given = np.asarray(values, np.float64).ravel()
-    kept = np.sort(given[np.isfinite(given)])
-    if len(kept) == 0:
-        raise InvalidInput(f"values must hold a finite number, got {len(given)} others")
-    lower, median, upper = (float(q) for q in np.percentile(kept, (25.0, 50.0, 75.0)))
+    finite = np.sort(given[np.isfinite(given)])
+    if len(finite) == 0:
+        raise InvalidInput(f"values must hold a finite number, got {len(given)} NaN or Inf")
+    lower, median, upper = (float(q) for q in np.percentile(finite, (25.0, 50.0, 75.0)))
     length = reach * (upper - lower)
-    is_inside = (kept >= lower - length) & (kept <= upper + length)
-    inside = kept[is_inside]
+    is_inside = (finite >= lower - length) & (finite <= upper + length)
+    inside = finite[is_inside]
     return BoxPlot(
-        len(kept), float(inside[0]), lower, median, upper, float(inside[-1]), kept[~is_inside]
+        count=len(finite),
+        lower_whisker=float(inside[0]),
+        lower_quartile=lower,
+        median=median,
+        upper_quartile=upper,
+        upper_whisker=float(inside[-1]),
+        outliers=finite[~is_inside],
     )

@@ -1,7 +1,7 @@
-"""How close two scans lie: the mean distance of closest points (Madhavan and Messina 2003).
+"""Mean distance of closest points between two scans (Madhavan and Messina 2003).
 
-The measure needs no true pose, and proves none: rows of points on open ground fit each other as
-well a step aside, and what only one scan shows keeps even the right pose from zero.
+The measure needs no true pose and does not prove one. On open ground, rows of points also match
+when shifted sideways, and points seen by only one scan keep it above zero at the correct pose.
 """
 
 import math
@@ -12,19 +12,26 @@ from scanlock.arrays import Points, Vector
 from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 
-_DEVIATIONS = 3.0
-"""Pairs farther than the mean by more than so many deviations are spurious: the first case of the
-paper's limit, that of scans which are well aligned."""
+_MAX_DEVIATIONS = 3.0
+"""Standard deviations above the mean beyond which a distance is an outlier.
+
+The first case of the paper's threshold, for well-aligned scans.
+"""
 
 
 def closest_distances(target: Points, source: Points, pose: Pose) -> Vector:
-    """Return the (m,) distance of each source point, moved, to the closest target point [m].
+    """Compute the distance from each source point to the closest target point.
 
     Parameters
     ----------
     target, source : (n, 3), (m, 3) [m]
     pose : Pose
         Target from source.
+
+    Returns
+    -------
+    (m,) [m]
+        In the order of the source.
 
     Raises
     ------
@@ -34,9 +41,19 @@ def closest_distances(target: Points, source: Points, pose: Pose) -> Vector:
     return PointTree.from_points(target).nearest(pose.apply(source))[1]
 
 
-def kept_mean(distances: Vector) -> float:
-    """Return the mean of the distances up to their mean and three deviations [m]; NaN of none."""
+def inlier_mean(distances: Vector) -> float:
+    """Return the mean of the distances that are at most three deviations above their mean.
+
+    Parameters
+    ----------
+    distances : (m,) [m]
+
+    Returns
+    -------
+    float [m]
+        NaN without distances.
+    """
     if len(distances) == 0:
         return math.nan
-    limit = distances.mean() + _DEVIATIONS * distances.std()
-    return float(np.mean(distances[distances <= limit]))
+    threshold = distances.mean() + _MAX_DEVIATIONS * distances.std()
+    return float(np.mean(distances[distances <= threshold]))

@@ -1,8 +1,7 @@
-"""How crisp a map is: the voxels that its points fill (Das et al. 2013, section VIII-A).
+"""Crispness of a map: its number of occupied voxels (Das et al. 2013, section VIII-A).
 
-The measure is that of Douillard et al. 2012. Scans that are laid together well fill few voxels,
-and every error of registration blurs walls and trunks into more of them. It compares maps of the
-same scans only: another place, or more scans, fill other numbers.
+The measure is that of Douillard et al. 2012. Registration errors blur walls and trunks over more
+voxels, so fewer is better. It compares maps of the same scans only.
 """
 
 from collections.abc import Iterable
@@ -12,39 +11,51 @@ import numpy as np
 from scanlock.arrays import Points
 from scanlock.evaluation.voxel_map import VoxelMap
 
-VOXEL_WIDTH = 0.1
-"""Side of the voxels of the paper [m]."""
+VOXEL_SIZE = 0.1
+"""Side of the voxels in Das et al. 2013 [m]."""
 
 
-def crispness(points: Points, width: float = VOXEL_WIDTH) -> int:
-    """Return how many voxels the points of a map fill; fewer is crisper.
-
-    Voxels are cubes with a corner at zero. Moving all of a map by whole multiples of `width`
-    changes nothing. Any other rigid motion changes the count, and a tilt most, for level ground
-    then leaves its one layer of voxels. So compare maps in one frame, from the same first pose:
-    between maps that begin elsewhere a small difference means nothing.
+def crispness(points: Points, voxel_size: float = VOXEL_SIZE) -> int:
+    """Count the occupied voxels of a map; fewer is crisper.
 
     Parameters
     ----------
     points : (n, 3) [m]
-    width : float [m]
-        Side of a voxel.
+    voxel_size : float [m]
+        Side of a voxel. One corner of the voxel grid is at zero.
 
     Raises
     ------
     InvalidInput
-        Points of another shape, not finite, or farther than a million voxels from zero.
+        Points of another shape, not finite, or more than a million voxels from zero; a size that
+        is not positive.
+
+    Notes
+    -----
+    Compare maps in one frame, from the same first pose. A shift by whole voxels does not change
+    the count, but any other rigid motion does, and a tilt most: level ground then no longer lies
+    in one layer of voxels.
     """
-    return streamed_crispness([points], width)
+    return streamed_crispness([points], voxel_size)
 
 
-def streamed_crispness(chunks: Iterable[Points], width: float = VOXEL_WIDTH) -> int:
-    """Return the crispness of a map that comes in parts, too large to be held at once.
+def streamed_crispness(chunks: Iterable[Points], voxel_size: float = VOXEL_SIZE) -> int:
+    """Count the occupied voxels of a map that comes in chunks, too large for memory.
 
-    Only one point of each filled voxel is kept. The result is that of `crispness` for all parts
-    at once, whatever their order.
+    Only one point of each occupied voxel is kept. The result equals that of `crispness` for all
+    chunks together, whatever their order.
+
+    Parameters
+    ----------
+    chunks : iterable of (n, 3) [m]
+    voxel_size : float [m]
+
+    Raises
+    ------
+    InvalidInput
+        As for `crispness`.
     """
-    laid = VoxelMap(width)
+    voxels = VoxelMap(voxel_size)
     for points in chunks:
-        laid.add(np.asarray(points, np.float64))
-    return len(laid)
+        voxels.add(np.asarray(points, np.float64))
+    return len(voxels)

@@ -1,11 +1,11 @@
-"""How far an estimated trajectory is from the true one, pose by pose.
+"""Absolute, relative and KITTI errors of an estimated trajectory.
 
-All errors are arrays in metres and radians; summaries are the caller's, see `spread`. Poses are
-``world from sensor``, in the same order on both sides.
+Errors are arrays in metres and radians; summarise them as needed, for example by `box_plot`.
+Poses are ``world_from_sensor``, and both trajectories list the same scans in the same order.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -20,23 +20,23 @@ KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Path lengths of the KITTI odometry benchmark [m]."""
 
 Alignment = Literal["none", "first", "all"]
-"""What is laid together before absolute errors are taken: nothing, the first poses, or all
-positions with least squared error (Umeyama 1991, without scale).
+"""Alignment before absolute errors: none, of the first poses, or of all positions by least squares
+(Umeyama 1991, without scale).
 
-Positions on one line leave the turn about it open; the first poses are laid together then. The
-closer a drive comes to a line, the less its positions say of that turn, and the larger the
-errors of rotation after aligning all of them.
+Positions on one line do not constrain the rotation about it; the first poses are aligned then.
+For a nearly straight drive that rotation is poorly constrained, which increases the rotation
+errors after aligning all positions.
 """
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class TrajectoryErrors:
-    """Errors of some poses or of some pairs of poses.
+    """Errors of poses, or of motions between pairs of poses.
 
     Attributes
     ----------
     first, last : (n,)
-        Rows of the trajectory that entry k compares; equal for absolute errors.
+        Rows of the two poses that entry k compares; equal for absolute errors.
     translations : (n,) [m]
     rotations : (n,) [rad]
     lengths : (n,) [m]
@@ -60,67 +60,103 @@ class TrajectoryErrors:
 def absolute_errors(
     estimate: Sequence[Pose], truth: Sequence[Pose], alignment: Alignment = "first"
 ) -> TrajectoryErrors:
-    """Return how far each pose is from the true one.
+    """Compute the error of each pose after alignment.
+
+    Parameters
+    ----------
+    estimate, truth : sequence of Pose
+        World from sensor, row by row.
+    alignment : {"first", "all", "none"}
+        See `Alignment`.
 
     Raises
     ------
     InvalidInput
         Trajectories of different lengths, or empty.
     """
-    moved = aligned(estimate, truth, alignment)
+    poses = aligned(estimate, truth, alignment)
     rows = np.arange(len(truth))
-    return _errors(moved, truth, rows, rows, absolute=True)
+    return _errors(poses, truth, rows, rows, absolute=True)
 
 
 def aligned(
     estimate: Sequence[Pose], truth: Sequence[Pose], alignment: Alignment = "first"
 ) -> list[Pose]:
-    """Return the estimated poses, moved as one into the frame of the true ones.
+    """Return the estimated trajectory, rigidly moved into the frame of the true one.
+
+    Parameters
+    ----------
+    estimate, truth, alignment
+        As for `absolute_errors`.
 
     Raises
     ------
     InvalidInput
         Trajectories of different lengths, or empty.
     """
-    _require_paired(estimate, truth)
+    _require_same_length(estimate, truth)
     if alignment == "first":
-        shift = truth[0] @ estimate[0].inverse()
+        motion = truth[0] @ estimate[0].inverse()
     elif alignment == "all":
-        shift = _umeyama(estimate, truth)
+        motion = _umeyama(estimate, truth)
     else:
-        shift = Pose.identity()
-    return [shift @ pose for pose in estimate]
+        motion = Pose.identity()
+    return [motion @ pose for pose in estimate]
 
 
 def relative_errors(
-    estimate: Sequence[Pose], truth: Sequence[Pose], apart: int = 1
+    estimate: Sequence[Pose], truth: Sequence[Pose], step: int = 1
 ) -> TrajectoryErrors:
-    """Return the errors of the motions between poses some rows apart.
+    """Compute the errors of the motions from each pose to the one `step` rows later.
+
+    Parameters
+    ----------
+    estimate, truth : sequence of Pose
+        World from sensor, row by row.
+    step : int
+        Rows between the two poses of a motion.
 
     Raises
     ------
     InvalidInput
-        Trajectories of different lengths, or too short for one such motion.
+        Trajectories of different lengths, or with `step` poses or fewer.
     """
-    _require_paired(estimate, truth)
-    require_count("apart", apart)
-    if len(truth) <= apart:
-        raise InvalidInput(f"apart must be below the {len(truth)} poses there are, got {apart}")
-    first = np.arange(len(truth) - apart)
-    return _errors(estimate, truth, first, first + apart, absolute=False)
+    _require_same_length(estimate, truth)
+    require_count("step", step)
+    if len(truth) <= step:
+        raise InvalidInput(f"step must be below the number of poses, {len(truth)}, got {step}")
+    first = np.arange(len(truth) - step)
+    return _errors(estimate, truth, first, first + step, absolute=False)
 
 
 def kitti_errors(
     estimate: Sequence[Pose], truth: Sequence[Pose], every: int = 10
 ) -> TrajectoryErrors:
-    """Return the errors over 100 to 800 m of path, as the KITTI odometry benchmark takes them.
+    """Compute the errors over 100 to 800 m of path, as the KITTI odometry benchmark defines them.
 
-    From every tenth pose, each length ends at the first pose farther along the true path. The
-    benchmark's numbers are the means of ``translations / lengths`` and ``rotations / lengths``.
-    `lengths` holds the nominal lengths, which the benchmark divides by. Empty where the path is
-    shorter than 100 m.
+    A segment begins at every tenth pose and ends at the first pose that is farther along the true
+    path than the length. The benchmark reports the means of ``translations / lengths`` and
+    ``rotations / lengths``.
+
+    Parameters
+    ----------
+    estimate, truth : sequence of Pose
+        World from sensor, row by row.
+    every : int
+        Rows between the starts of segments.
+
+    Returns
+    -------
+    TrajectoryErrors
+        With the nominal lengths, by which the benchmark divides; empty where the path is shorter
+        than 100 m.
+
+    Raises
+    ------
+    InvalidInput
+        Trajectories of different lengths, or empty.
     """
-    _require_paired(estimate, truth)
+    _require_same_length(estimate, truth)
     require_count("every", every)
     along = path_lengths(truth)
     first: list[int] = []
@@ -134,10 +170,8 @@ def kitti_errors(
                 last.append(end)
                 nominal.append(length)
     rows = np.array(first, np.int64), np.array(last, np.int64)
-    found = _errors(estimate, truth, *rows, absolute=False)
-    return TrajectoryErrors(
-        found.first, found.last, found.translations, found.rotations, np.array(nominal, np.float64)
-    )
+    errors = _errors(estimate, truth, *rows, absolute=False)
+    return replace(errors, lengths=np.array(nominal, np.float64))
 
 
 def _errors(
@@ -147,35 +181,39 @@ def _errors(
     translations, rotations = np.empty(len(first)), np.empty(len(first))
     for k, (i, j) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         if absolute:
-            gap = truth[i].inverse() @ estimate[i]
+            error = truth[i].inverse() @ estimate[i]
         else:
-            gap = (truth[i].inverse() @ truth[j]).inverse() @ (estimate[i].inverse() @ estimate[j])
-        translations[k] = np.linalg.norm(gap.translation)
-        rotations[k] = rotation_angle(gap.rotation)
+            true_motion = truth[i].inverse() @ truth[j]
+            error = true_motion.inverse() @ (estimate[i].inverse() @ estimate[j])
+        translations[k] = np.linalg.norm(error.translation)
+        rotations[k] = rotation_angle(error.rotation)
     return TrajectoryErrors(
-        first.astype(np.int64), last.astype(np.int64), translations, rotations,
-        along[last] - along[first],
-    )  # fmt: skip
+        first=first.astype(np.int64),
+        last=last.astype(np.int64),
+        translations=translations,
+        rotations=rotations,
+        lengths=along[last] - along[first],
+    )
 
 
 def path_lengths(poses: Sequence[Pose]) -> Vector:
-    """Return the (n,) length [m] of the way from the first pose to each."""
-    places = np.array([pose.translation for pose in poses]).reshape(-1, 3)
-    steps = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=1)
+    """Return the (n,) path length [m] from the first pose to each pose."""
+    positions = np.array([pose.translation for pose in poses]).reshape(-1, 3)
+    steps = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1]), axis=1)
     return np.cumsum(steps)
 
 
 def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:
-    here, there = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
-    if not PairMoments.of(here, there).holds_rotation:
-        # Positions on one line, or in one place, leave a turn open: the first pose settles it.
+    target, source = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
+    if not PairMoments.of(target, source).holds_rotation:
+        # Collinear or coincident positions do not constrain the rotation; the first poses do.
         return truth[0] @ estimate[0].inverse()
-    return fit_arun(here, there)
+    return fit_arun(target, source)
 
 
-def _require_paired(estimate: Sequence[Pose], truth: Sequence[Pose]) -> None:
+def _require_same_length(estimate: Sequence[Pose], truth: Sequence[Pose]) -> None:
     if len(estimate) != len(truth) or len(truth) == 0:
         raise InvalidInput(
-            f"estimate and truth must have as many poses, at least one, got {len(estimate)} and "
-            f"{len(truth)}"
+            "estimate and truth must have the same number of poses, at least one, got "
+            f"{len(estimate)} and {len(truth)}"
         )

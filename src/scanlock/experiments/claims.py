@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from scanlock.evaluation.box_plot import spread
+from scanlock.evaluation.box_plot import box_plot
 from scanlock.experiments.experiment import Claim, Outcome
 from scanlock.experiments.pairwise import (
     SOLVED,
@@ -132,12 +132,12 @@ def _solved_share(outcome: Outcome, name: str) -> float:
 
 def _median(outcome: Outcome, name: str) -> float:
     errors = translation_errors(outcome.records[name])
-    return spread(errors).median if np.isfinite(errors).any() else math.inf
+    return box_plot(errors).median if np.isfinite(errors).any() else math.inf
 
 
 def _upper_quartile(outcome: Outcome, name: str) -> float:
     errors = translation_errors(outcome.records[name])
-    return spread(errors).upper if np.isfinite(errors).any() else math.inf
+    return box_plot(errors).upper_quartile if np.isfinite(errors).any() else math.inf
 
 
 def _listed(values: Mapping[str, float], form: str, unit: str = "") -> str:

@@ -106,7 +106,7 @@ def compare(comparison: Comparison, path: Path, watch: Watch = unwatched) -> Com
         )
         truths = {pair.name: pair.truth for pair in pairs}
         direct = {
-            name: [record.judged_by(truths[record.task.pair]) for record in records]
+            name: [record.with_truth(truths[record.task.pair]) for record in records]
             for name, records in direct.items()
         }
     around: Records = {}
@@ -202,7 +202,7 @@ def _with_agreed(comparison: Comparison, pair: StudyPair, direct: Records) -> St
 
 
 def _agree(one: StudyRecord, other: StudyRecord, limits: Limits) -> bool:
-    return limits.hold(one.judged_by(other.pose))
+    return limits.hold(one.with_truth(other.pose))
 
 
 def comparison_findings(comparison: Comparison, compared: Compared, series: ScanSeries) -> Findings:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import ScanlockError
-from scanlock.evaluation.crispness import VOXEL_WIDTH
+from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.evaluation.voxel_map import VoxelMap
 from scanlock.experiments.experiment import Watch
 from scanlock.experiments.series import ScanSeries
@@ -54,7 +54,7 @@ def lay_maps(series: ScanSeries, tracks: Tracks, drawn: Sequence[str], watch: Wa
         Which maps are to be drawn too, for which the ground is looked for.
     watch : Watch
     """
-    maps = {name: VoxelMap(VOXEL_WIDTH) for name in tracks}
+    maps = {name: VoxelMap(VOXEL_SIZE) for name in tracks}
     standing: dict[str, list[Points]] = {name: [] for name in drawn}
     for index, name in enumerate(watch(series.names, len(series.names), "laying the maps")):
         try:
@@ -82,6 +82,6 @@ def lay_maps(series: ScanSeries, tracks: Tracks, drawn: Sequence[str], watch: Wa
 
 
 def _thinned(points: Points) -> Points:
-    kept = VoxelMap(VOXEL_WIDTH)
+    kept = VoxelMap(VOXEL_SIZE)
     kept.add(points)
     return kept.points.astype(np.float64)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scanlock import __version__
-from scanlock.evaluation.crispness import VOXEL_WIDTH
+from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.experiments.experiment import Claim, Experiment, Findings, Section
 from scanlock.experiments.series import ScanSeries
 from scanlock.io import atomic_file, write_kitti_poses, write_scan, write_tum_poses
@@ -135,7 +135,7 @@ def _files(findings: Findings, methods: Mapping[str, Method[Any]]) -> str:
         "(.kitti.txt) and stamped (.tum.txt)",
         "settings": f"{names['settings']}: every setting of the method (.toml), as `scanlock "
         "register --settings` reads it",
-        "maps": f"{names['maps']}: one point in each filled voxel of {VOXEL_WIDTH:g} m (.ply)",
+        "maps": f"{names['maps']}: one point in each filled voxel of {VOXEL_SIZE:g} m (.ply)",
     }
     lines = ["- `records.jsonl`: every registration, with its pose, in full\n"]
     lines += [f"- `{part}/`: {what}\n" for part, what in rows.items() if names[part]]

@@ -11,7 +11,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.errors import require_positive
-from scanlock.evaluation.box_plot import spread
+from scanlock.evaluation.box_plot import box_plot
 from scanlock.experiments.experiment import Outcome
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyRecord
@@ -147,5 +147,5 @@ def pair_table(outcome: Outcome) -> Table:
 def _quartiles(values: Vector) -> list[float]:
     if not np.isfinite(values).any():
         return [math.nan] * 4
-    found = spread(values)
-    return [found.lower, found.median, found.upper, float(np.nanmax(values))]
+    found = box_plot(values)
+    return [found.lower_quartile, found.median, found.upper_quartile, float(np.nanmax(values))]

@@ -1,4 +1,8 @@
-"""The only code that sees a path: scans, poses, labels."""
+"""Files: scans, poses, labels and sequences of scans.
+
+What belongs here reads, writes or describes files; points leave it as they are stored. Points are
+checked in `scanlock.clouds`, and settings files are read in `scanlock.registration.settings`.
+"""
 
 from scanlock.io.atomic import atomic_file
 from scanlock.io.describe import ScanDescription, describe_scan

@@ -1,4 +1,4 @@
-"""Files that are either the old one or the whole new one, never half of it."""
+"""Atomic replacement of files: readers find the old file or the complete new one."""
 
 import errno
 import os
@@ -9,22 +9,33 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-_NAME = 50
-"""Letters of a file's name in that of its temporary file, of up to four bytes each."""
+_MAX_NAME = 50
+"""Characters of a file name, of up to four bytes each, in the name of its temporary file."""
 
 
 @contextmanager
 def atomic_file(path: str | os.PathLike[str]) -> Generator[BinaryIO, None, None]:
-    """Open a binary file beside `path` that replaces it once the block ends without an error.
+    """Open a temporary binary file that replaces `path` when the block ends without an error.
 
-    On an error or an interrupt, wherever it strikes, the temporary file is removed and whatever
-    stood at `path` stays untouched. Of several that write one file at once, the last to end
-    leaves its own. A symbolic link is followed, and the mode of a replaced file is kept.
+    On an error or an interrupt, the temporary file is removed and `path` is unchanged. If several
+    writers replace one file at once, the last to end wins. Symbolic links are followed, and the
+    mode of a replaced file is kept.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Yields
+    ------
+    BinaryIO
+        The temporary file, in the folder of `path`.
 
     Raises
     ------
     FileNotFoundError
-        The folder to write into does not exist.
+        The folder does not exist.
+    IsADirectoryError
+        The path is a folder.
     """
     final = Path(os.path.realpath(path))
     if not final.parent.is_dir():
@@ -32,12 +43,14 @@ def atomic_file(path: str | os.PathLike[str]) -> Generator[BinaryIO, None, None]
             errno.ENOENT, "the folder to write into does not exist; create it", str(final.parent)
         )
     if final.is_dir():
-        raise IsADirectoryError(errno.EISDIR, "a folder stands where the file would go", str(path))
-    # Cut short, since a name may be as long as the file system takes. What is drawn at random is
-    # long enough for no two writers ever to draw the same, in one process or in several.
-    temporary = final.with_name(f".{final.name[:_NAME]}.{secrets.token_hex(8)}.part")
+        raise IsADirectoryError(
+            errno.EISDIR, "the path to write is a folder; give a file name", str(path)
+        )
+    # Shortened, since the name may already be as long as the file system allows. The random part
+    # is long enough to be unique over all writers and processes.
+    temporary = final.with_name(f".{final.name[:_MAX_NAME]}.{secrets.token_hex(8)}.part")
     try:
-        # Opened by number so that the user's umask gives the new file its ordinary mode.
+        # Opened by descriptor so that the umask determines the mode of the new file.
         descriptor = os.open(
             temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666
         )

@@ -1,4 +1,4 @@
-"""What the columns of a scan are called, and which of them are the coordinates."""
+"""Names of the columns of a scan, and detection of its coordinates."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -7,7 +7,7 @@ from pathlib import Path
 from scanlock.errors import InvalidInput
 
 Columns = int | str | Sequence[str] | None
-"""The caller's word on unnamed columns: how many, or their names, or nothing (guess)."""
+"""Columns of a file without names, as the caller gives them: number, names, or None (guessed)."""
 
 _CONVENTIONAL = ("x", "y", "z", "intensity", "ring")
 _PLAIN = ("x", "y", "z")
@@ -19,23 +19,23 @@ _COORDINATE = re.compile(
 
 
 def conventional_names(count: int) -> tuple[str, ...]:
-    """Return x, y, z, intensity, ring, column_6, ...: the usual order of unnamed columns."""
+    """Return x, y, z, intensity, ring, column_6, ...: conventional names of unnamed columns."""
     extra = tuple(f"column_{k + 1}" for k in range(len(_CONVENTIONAL), count))
     return (*_CONVENTIONAL[:count], *extra)
 
 
 def numbered_names(count: int) -> tuple[str, ...]:
-    """Return x, y, z, column_4, column_5, ...: names that promise nothing past the third."""
+    """Return x, y, z, column_4, column_5, ...: neutral names from the fourth column on."""
     return ("x", "y", "z", *(f"column_{k + 1}" for k in range(3, count)))
 
 
 def requested_names(columns: Columns) -> tuple[str, ...] | int | None:
-    """Return the caller's column names or count, checked.
+    """Check the columns that the caller gives, and return their names or number.
 
     Raises
     ------
     InvalidInput
-        Fewer than three columns, a name given twice, or x, y or z missing.
+        Fewer than three columns, a repeated name, or x, y or z missing.
     """
     if columns is None:
         return None
@@ -45,41 +45,41 @@ def requested_names(columns: Columns) -> tuple[str, ...] | int | None:
         return columns
     names = re.split(r"[\s,]+", columns.strip()) if isinstance(columns, str) else list(columns)
     if len(set(names)) != len(names):
-        raise InvalidInput(f"columns must differ from each other, got {names}")
+        raise InvalidInput(f"columns must have unique names, got {names}")
     if find_coordinates(names) is None:
         raise InvalidInput(f"columns must name x, y and z, got {names}")
     return tuple(names)
 
 
 def find_coordinates(names: Sequence[str]) -> tuple[int, int, int] | None:
-    """Return which columns are x, y and z; None unless all three are there."""
-    # The plain names win over their variants, wherever they stand.
-    places = {"xyz".index(name): place for place, name in enumerate(names) if name in _PLAIN}
-    for place, name in enumerate(names):
+    """Return the indices of the columns x, y and z; None unless all three exist."""
+    # Plain names take precedence over their variants, whatever the order.
+    axes = {"xyz".index(name): index for index, name in enumerate(names) if name in _PLAIN}
+    for index, name in enumerate(names):
         match = _COORDINATE.match(name.strip())
         if match:
             axis = "xyz".index(match["axis"].lower()) if match["axis"] else int(match["index"])
-            places.setdefault(axis, place)
-    if len(places) < 3:
+            axes.setdefault(axis, index)
+    if len(axes) < 3:
         return None
-    return places[0], places[1], places[2]
+    return axes[0], axes[1], axes[2]
 
 
-def distinct_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names with ``_2``, ``_3`` after those that came before."""
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the names with ``_2``, ``_3``, ... appended to repeated ones."""
     taken: set[str] = set()
-    distinct: list[str] = []
+    unique: list[str] = []
     for name in names:
         candidate, k = name, 2
         while candidate in taken:
             candidate, k = f"{name}_{k}", k + 1
         taken.add(candidate)
-        distinct.append(candidate)
-    return tuple(distinct)
+        unique.append(candidate)
+    return tuple(unique)
 
 
 def require_writable_names(path: Path, names: Iterable[str]) -> None:
-    """Raise `InvalidInput` unless every name is one printable ASCII word, as headers need."""
+    """Raise `InvalidInput` unless every name is one printable ASCII word, as headers require."""
     for name in names:
         if not re.fullmatch(r"[!-~]+", name) or name == "_":
             raise InvalidInput(

@@ -1,4 +1,4 @@
-"""What is in a scan file: the facts, and the guesses kept apart from them."""
+"""Description of a scan file for ``scanlock info``: facts, and separately guesses."""
 
 import math
 import os
@@ -24,15 +24,16 @@ from scanlock.io.scan_guesses import (
 )
 from scanlock.io.scans import Columns, read_scan
 
-_QUERIES = 5000
-"""Points whose nearest neighbour is looked up."""
+_MAX_QUERIES = 5000
+"""Number of points whose nearest neighbour is searched for the spacing, about."""
 
-_FEW_VALUES = 32
+_MAX_LABELS = 32
+"""Maximum number of distinct whole numbers in a column that may be labels."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FieldSummary:
-    """One column besides the coordinates."""
+    """Summary of a column other than the coordinates."""
 
     name: str
     """Name in the file."""
@@ -41,122 +42,133 @@ class FieldSummary:
     """Type in the file."""
 
     values: int
-    """Values a point."""
+    """Number of values per point."""
 
     minimum: float
-    """Smallest finite value; NaN without one."""
+    """Smallest finite value; NaN if there is none."""
 
     maximum: float
-    """Largest finite value; NaN without one."""
+    """Largest finite value; NaN if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Guesses:
-    """What the numbers suggest; every one of these can be wrong."""
+    """Guesses from the values of a scan; any of them may be wrong."""
 
     sensor: str
-    """What took the scan."""
+    """Kind of sensor."""
 
     time: TimeGuess | None
-    """What the column of times means; None without one."""
+    """Unit and clock of the column of times; None without such a column."""
 
     settings: SettingsGuess
-    """Where to start with registration."""
+    """Registration settings to begin with."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScanDescription:
-    """The facts of a scan file, and guesses apart from them."""
+    """Facts of a scan file, and guesses in a separate attribute."""
 
     path: str
-    """The file."""
+    """Path of the file."""
 
     format: str
     """Key of `scanlock.io.FORMATS`."""
 
     title: str
-    """What people call the format."""
+    """Name of the format for display."""
 
     encoding: str
-    """How the format stored it."""
+    """Encoding within the format."""
 
     size: int
     """Size of the file [bytes]."""
 
     points: int
-    """Rows."""
+    """Number of rows."""
 
     width: int
-    """Columns of an organised cloud, or all rows."""
+    """Number of columns of an organised cloud, else of all rows."""
 
     height: int
-    """Rows of an organised cloud, or 1."""
+    """Number of rows of an organised cloud, else 1."""
 
     coordinate_dtype: str
     """Type of the coordinates in the file."""
 
     fields: tuple[FieldSummary, ...]
-    """The other columns."""
+    """Columns other than the coordinates."""
 
     not_finite: int
-    """Rows with NaN or Inf among the coordinates."""
+    """Number of rows with NaN or Inf coordinates."""
 
     zeros: int
-    """Rows at (0, 0, 0), which sensors write where nothing came back."""
+    """Number of rows at (0, 0, 0), which sensors write for lost returns."""
 
     duplicates: int
-    """Rows that repeat an earlier one exactly, zeros not counted."""
+    """Number of rows that repeat an earlier row exactly, without those at (0, 0, 0)."""
 
     minimum: tuple[float, float, float]
-    """Least x, y, z [m] of the usable rows (finite, not zero)."""
+    """Smallest x, y and z [m] of the usable rows (finite, not zero)."""
 
     maximum: tuple[float, float, float]
-    """Largest x, y, z [m] of the usable rows."""
+    """Largest x, y and z [m] of the usable rows."""
 
     median_range: float
-    """Median horizontal distance from the origin of the file's frame [m]."""
+    """Median horizontal distance from the origin of the file [m]."""
 
     max_range: float
-    """Largest horizontal distance from the origin of the file's frame [m]."""
+    """Largest horizontal distance from the origin of the file [m]."""
 
     spacing: float
-    """Median distance to the nearest other point, of a sample [m]; NaN for a single point."""
+    """Median distance between nearest neighbours of a sample [m]; NaN for a single point."""
 
     large_coordinates: bool
-    """Whether the coordinates are so far from zero that they must be map coordinates."""
+    """Whether the coordinates are far enough from zero to be map coordinates."""
 
     origin: tuple[float, float, float]
-    """What registration subtracts first [m]; zero unless `large_coordinates`."""
+    """Offset that registration subtracts first [m]; zero unless `large_coordinates`."""
 
     ring_field: str | None
-    """Column of beam numbers, by its name."""
+    """Name of the column of beam numbers; None without one."""
 
     rings: int | None
-    """Distinct beam numbers."""
+    """Number of distinct beam numbers; None without such a column."""
 
     time_field: str | None
-    """Column of times, by its name."""
+    """Name of the column of times; None without one."""
 
     guesses: Guesses
-    """Everything that was inferred rather than counted."""
+    """All that was guessed."""
 
     notes: tuple[str, ...]
-    """Remarks of the reader, and oddities."""
+    """Notes of the reader, and on unusual values."""
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON; what is guessed stands under ``guesses``, NaN is None."""
+        """Return plain values for JSON, with the guesses under ``guesses`` and None for NaN."""
         return _plain(asdict(self))
 
 
 def describe_scan(
     path: str | os.PathLike[str], format: str | None = None, *, columns: Columns = None
 ) -> ScanDescription:
-    """Read a scan file and return what is in it; arguments and errors as in `read_scan`.
+    """Describe a scan file.
+
+    Parameters
+    ----------
+    path, format, columns
+        As for `read_scan`.
+
+    Returns
+    -------
+    ScanDescription
 
     Raises
     ------
     FormatError
-        Also where no row is both finite and other than zero.
+        Also where every row is NaN, Inf or (0, 0, 0).
+    FileNotFoundError, MissingExtra, InvalidInput
+        As for `read_scan`.
     """
     path = Path(path)
     scan = read_scan(path, format, columns=columns)
@@ -192,12 +204,12 @@ def describe_scan(
         rings=ring_count,
         time_field=times,
         guesses=_guesses(scan, usable - origin, ring_count, times),
-        notes=(*scan.notes, *_remarks(scan, usable)),
+        notes=(*scan.notes, *_notes(scan, usable)),
     )
 
 
 def _usable_points(path: Path, scan: ScanFile) -> tuple[Points, int, int]:
-    """Return the points that are finite and not zero, and how many are not finite or zero."""
+    """Return the points that are finite and not zero, and the numbers of the other two kinds."""
     finite = np.isfinite(scan.points).all(axis=1)
     zero = (scan.points == 0.0).all(axis=1)
     usable = scan.points[finite & ~zero]
@@ -208,7 +220,7 @@ def _usable_points(path: Path, scan: ScanFile) -> tuple[Points, int, int]:
             "data",
             expected="at least one point that is finite and not (0, 0, 0)",
             found=f"{not_finite} rows with NaN or Inf and {zeros} of zeros",
-            remedy="check the program that wrote it",
+            remedy="check the program that wrote the file",
         )
     return usable, not_finite, zeros
 
@@ -223,15 +235,17 @@ def _guesses(scan: ScanFile, local: Points, ring_count: int | None, times: str |
 
 
 def _distinct_rows(points: Points) -> Points:
-    """Return the points with exact repetitions dropped, in another order."""
+    """Return the points without exact duplicates, in another order."""
     # Adding zero turns -0 into +0, so that equal numbers have equal bits.
     bits = (points + 0.0).view(np.uint64)
-    # Sorting one mixed number a row is much faster than sorting rows. Rows that share it by
-    # chance (1 in 2^64) are still told apart by their bits.
-    mixed = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
+    # Sorting one hash per row is much faster than sorting rows. Rows with the same hash by
+    # chance (1 in 2^64) still differ in their bits.
+    hashes = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
     for axis in (1, 2):
-        mixed = (mixed ^ (mixed >> np.uint64(29)) ^ bits[:, axis]) * np.uint64(0xBF58476D1CE4E5B9)
-    order = np.argsort(mixed, kind="stable")
+        hashes = (hashes ^ (hashes >> np.uint64(29)) ^ bits[:, axis]) * np.uint64(
+            0xBF58476D1CE4E5B9
+        )
+    order = np.argsort(hashes, kind="stable")
     ordered = bits[order]
     repeated = np.concatenate(([False], (ordered[1:] == ordered[:-1]).all(axis=1)))
     return points[order[~repeated]]
@@ -243,7 +257,7 @@ def _spacing(points: Points) -> float:
     if len(points) < 2:
         return math.nan
     tree = KDTree(points, balanced_tree=False, compact_nodes=False)
-    sample = points[:: max(1, len(points) // _QUERIES)]
+    sample = points[:: max(1, len(points) // _MAX_QUERIES)]
     distances: Any = tree.query(sample, k=2)[0]
     return float(np.median(distances[:, 1]))
 
@@ -260,21 +274,21 @@ def _field_summary(name: str, values: Field) -> FieldSummary:
     )
 
 
-def _remarks(scan: ScanFile, usable: Points) -> list[str]:
-    remarks: list[str] = []
+def _notes(scan: ScanFile, usable: Points) -> list[str]:
+    notes: list[str] = []
     if scan.coordinate_dtype == "float32":
         step = float(np.spacing(np.abs(usable).max().astype(np.float32)))
         if step > 1e-3:
-            remarks.append(f"float32 keeps these coordinates to {step:.2g} m only")
+            notes.append(f"float32 rounds these coordinates to multiples of {step:.2g} m")
     intensity = scan.fields.get("intensity")
     if scan.format == "bin" and intensity is not None:
         values = np.unique(intensity)
-        if len(values) <= _FEW_VALUES and (values == np.round(values)).all():
-            remarks.append(
-                f"the fourth column holds {len(values)} whole numbers: labels rather than "
+        if len(values) <= _MAX_LABELS and (values == np.round(values)).all():
+            notes.append(
+                f"the fourth column has {len(values)} distinct whole numbers: labels rather than "
                 "intensities?"
             )
-    return remarks
+    return notes
 
 
 def _triple(values: Points) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""One sentence for every broken file: where, what was expected, what was found, what to do."""
+"""Error messages for malformed files: location, expected and found content, remedy."""
 
 import errno
 from pathlib import Path
@@ -7,31 +7,38 @@ from scanlock.errors import FormatError
 
 
 def malformed(path: Path, where: str, *, expected: str, found: str, remedy: str) -> FormatError:
-    """Return the error for a file that breaks its format.
+    """Return the error for a file that does not follow its format.
 
     Parameters
     ----------
     path : Path
         The file.
     where : str
-        ``"line 12"``, ``"byte 4096"`` or ``"header"``.
+        Location in the file: ``"line 12"``, ``"byte 4096"`` or ``"header"``.
     expected, found : str
-        What the format asks for, and what stands there.
+        Content that the format requires, and the actual content.
     remedy : str
-        What the reader of the message can do about it.
+        Advice to the user.
     """
     return FormatError(f"{path}: {where}: expected {expected}, found {found}; {remedy}")
 
 
 def read_bytes(path: Path, kind: str) -> bytes:
-    """Return a file's bytes; `kind` ("scan", "pose", "label") says what was looked for.
+    """Read the bytes of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : str
+        Name of its content in messages: ``"scan"``, ``"pose"``, ``"label"``.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        It is a folder, or has no bytes.
+        The path is a folder, or the file is empty.
     """
     if not path.exists():
         raise FileNotFoundError(
@@ -39,7 +46,7 @@ def read_bytes(path: Path, kind: str) -> bytes:
         )
     if path.is_dir():
         raise FormatError(
-            f"{path}: expected a {kind} file, found a folder; name one of the files inside it"
+            f"{path}: expected a {kind} file, found a folder; give one of the files inside it"
         )
     data = path.read_bytes()
     if not data:
@@ -54,9 +61,9 @@ def read_bytes(path: Path, kind: str) -> bytes:
 
 
 def check_body_size(path: Path, data: bytes, offset: int, expected: int) -> None:
-    """Raise `FormatError` unless the bytes from `offset` on are the `expected` number.
+    """Raise `FormatError` unless `expected` bytes follow from `offset` on.
 
-    Zeros and white space after them are forgiven: some writers pad to a page or end the line.
+    Trailing zeros and white space are accepted: some writers pad to a page or end the line.
     """
     found = len(data) - offset
     if found < expected or data[offset + expected :].strip(b"\0 \t\r\n"):

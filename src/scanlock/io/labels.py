@@ -1,4 +1,4 @@
-"""Labels of points as files: .npy, text, and SemanticKITTI's .label."""
+"""Files of point labels: .npy, text, and .label of SemanticKITTI."""
 
 import os
 from pathlib import Path
@@ -20,30 +20,33 @@ from scanlock.io.numeric_text import (
 )
 
 _EXTENSIONS = (".npy", ".txt", ".csv", ".label")
-_LARGEST_UINT32 = 2**32 - 1
+_MAX_UINT32 = 2**32 - 1
 
 
 def read_labels(path: str | os.PathLike[str], count: int | None = None) -> Labels:
-    """Return the (n,) labels in a file, one for each row of its scan.
+    """Read the labels of a scan from a file, in the order of its rows.
 
     Parameters
     ----------
     path : path-like
-        ``.npy`` of whole numbers; ``.txt`` or ``.csv`` with one a line, under a line of text or
-        not; ``.label`` of uint32, of which SemanticKITTI keeps the class in the lower 16 bits
+        ``.npy`` of whole numbers; ``.txt`` or ``.csv`` with one number per line, optionally below
+        a heading; ``.label`` of uint32. SemanticKITTI stores the class in the lower 16 bits
         (``labels & 0xFFFF``) and the instance in the upper 16 (``labels >> 16``).
     count : int, optional
-        Rows of the scan; another number of labels is an error. A cut .label or text file can
-        only be told by this.
+        Number of rows of the scan. Only with it can a truncated .label or text file be detected.
+
+    Returns
+    -------
+    (n,) of int64
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        The file holds something else, or another number of labels than `count`.
+        Other content, or another number of labels than `count`.
     InvalidInput
-        The ending of the name is none of those above.
+        An unknown extension.
     """
     path = Path(path)
     suffix = _require_extension(path)
@@ -58,21 +61,27 @@ def read_labels(path: str | os.PathLike[str], count: int | None = None) -> Label
         raise malformed(
             path,
             "data",
-            expected=f"{count} labels, one a row of the scan",
+            expected=f"{count} labels, one for each row of the scan",
             found=str(len(labels)),
-            remedy="it belongs to another scan, or is cut short",
+            remedy="the file belongs to another scan, or is cut short",
         )
     return labels
 
 
 def write_labels(path: str | os.PathLike[str], labels: ArrayLike) -> None:
-    """Write (n,) whole numbers (or a mask) as the ending of the name says; see `read_labels`.
+    """Write labels to a file in the format of its extension; see `read_labels`.
+
+    Parameters
+    ----------
+    path : path-like
+    labels : (n,)
+        Whole numbers or a mask.
 
     Raises
     ------
     InvalidInput
-        Anything but (n,) whole numbers, an unknown ending, or values that .label (uint32) cannot
-        hold.
+        Labels of another shape or type, an unknown extension, or values beyond the uint32 of
+        .label.
     """
     path = Path(path)
     suffix = _require_extension(path)
@@ -82,13 +91,13 @@ def write_labels(path: str | os.PathLike[str], labels: ArrayLike) -> None:
             f"labels must be whole numbers of shape (n,), got {values.dtype} {values.shape}"
         )
     low, high = int(values.min()), int(values.max())
-    if suffix == ".label" and (low < 0 or high > _LARGEST_UINT32):
+    if suffix == ".label" and (low < 0 or high > _MAX_UINT32):
         raise InvalidInput(
-            f"labels must lie between 0 and {_LARGEST_UINT32} in a .label file, got {low} to "
-            f"{high}; add 1 to keep -1 (left out), or write .npy"
+            f"labels must be between 0 and {_MAX_UINT32} in a .label file, got {low} to {high}; "
+            "add 1 if -1 marks points without a label, or write .npy"
         )
     if high > np.iinfo(np.int64).max:
-        raise InvalidInput(f"labels must fit 64-bit signed integers, got {high}")
+        raise InvalidInput(f"labels must fit into signed 64-bit integers, got {high}")
     values = values.astype(np.int64)
     with atomic_file(path) as handle:
         if suffix == ".npy":
@@ -104,7 +113,8 @@ def _require_extension(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix not in _EXTENSIONS:
         raise InvalidInput(
-            f"a label file must end in {', '.join(_EXTENSIONS)}, got {path.name!r}; rename it"
+            f"the extension of a label file must be one of {', '.join(_EXTENSIONS)}, got "
+            f"{path.name!r}; rename it"
         )
     return suffix
 
@@ -143,7 +153,7 @@ def _no_labels(path: Path, found: str) -> FormatError:
     return malformed(
         path,
         "data",
-        expected="one whole number a point",
+        expected="one whole number per point",
         found=found,
         remedy="check that it is a label file",
     )

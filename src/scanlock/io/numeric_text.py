@@ -1,4 +1,4 @@
-"""Rows of numbers as text: the part that ascii PCD, ascii PLY, tables and poses share."""
+"""Reading and writing of numbers as text, for ascii PCD, ascii PLY, tables and poses."""
 
 import io
 import re
@@ -13,17 +13,17 @@ from scanlock.errors import FormatError
 from scanlock.io.errors import malformed
 
 SEPARATORS = bytes.maketrans(b",;\t\"'", b"     ")
-"""Turns what stands between the cells of a table into spaces."""
+"""Translation of separators and quotes of a table to spaces."""
 
 _COMMENT = re.compile(rb"(?:#|//|%)[^\n]*")
 
 _EXACT_INTEGER = 2.0**53
-"""Integers up to here survive the way through float64."""
+"""Largest integer up to which float64 is exact."""
 
 _BLANK = np.zeros(256, dtype=np.bool_)
 _BLANK[list(b" \t\n\r\v\f")] = True
 
-# True for a byte that no plain integer contains.
+# True for bytes that do not occur in integers.
 _NOT_INTEGER = np.ones(256, dtype=np.bool_)
 _NOT_INTEGER[list(b"+-0123456789 \t\r\n\v\f")] = False
 
@@ -31,39 +31,41 @@ _NUMBER = re.compile(
     rb"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf(?:inity)?)", re.IGNORECASE
 )
 
-_REMEDY = "the file is cut short or damaged, or is no plain table of numbers"
+_REMEDY = "the file is cut short or damaged, or is not a plain table of numbers"
 
 
 def parse_rows(
     path: Path, text: bytes, *, first_line: int = 1, width: int | None = None
 ) -> list[NDArray[Any]]:
-    r"""Return the columns of whitespace-separated numbers, blank lines left out.
+    r"""Parse lines of whitespace-separated numbers; blank lines are skipped.
 
     Parameters
     ----------
     path : Path
-        Named in errors.
+        The file, for messages.
     text : bytes
-        Lines that end in ``\n``; nothing but numbers, ``nan``, ``inf`` and white space.
+        Lines that end in ``\n``, of numbers, ``nan``, ``inf`` and white space.
     first_line : int
-        The line of the file that `text` starts on.
+        Line of the file at which `text` begins.
     width : int, optional
-        Numbers that every line must have; those of the first line by default.
+        Number of columns; that of the first line by default.
 
     Returns
     -------
     list of (n,) arrays
-        int64 (or uint64) where every token is an integer, float64 otherwise; empty without rows.
+        Columns: int64 (or uint64) where every token is an integer, else float64. Empty without
+        rows.
 
     Raises
     ------
     FormatError
-        A line with another number of tokens, or a token that is no number; names the line.
+        A line with another number of tokens, or a token that is not a number; the message gives
+        the line.
     """
     text = text.replace(b"\r", b" ")
     data = np.frombuffer(text, dtype=np.uint8)
     blank = _BLANK[data]
-    # One more white space on both sides gives the first and last token their edges.
+    # Padding with white space on both sides gives the first and the last token edges.
     padded = np.concatenate(([True], blank, [True]))
     starts = np.flatnonzero(padded[:-1] & ~padded[1:])
     if len(starts) == 0:
@@ -73,27 +75,29 @@ def parse_rows(
         values = np.loadtxt(io.StringIO(text.decode("ascii", "replace")), comments=None, ndmin=2)
     except ValueError:
         raise _unreadable(path, text, first_line) from None
-    # Separators that only Unicode calls blank would have split a token that was counted as one.
+    # Unicode white space splits tokens for NumPy that were counted as one above.
     if values.shape != (rows, width):
         raise _unreadable(path, text, first_line)
     ends = np.flatnonzero(~padded[:-1] & padded[1:])
-    strange = np.concatenate(([0], np.cumsum(_NOT_INTEGER[data])))
-    whole = strange[ends] == strange[starts]
+    non_integers = np.concatenate(([0], np.cumsum(_NOT_INTEGER[data])))
+    is_whole = non_integers[ends] == non_integers[starts]
     return [
-        _column(values[:, k], bool(whole[k::width].all()), text, starts[k::width], ends[k::width])
+        _column(
+            values[:, k], bool(is_whole[k::width].all()), text, starts[k::width], ends[k::width]
+        )
         for k in range(width)
     ]
 
 
 def without_comments(text: bytes) -> bytes:
-    """Return the text with everything from ``#``, ``//`` or ``%`` to the end of a line gone."""
+    """Return the text without comments, from ``#``, ``//`` or ``%`` to the end of a line."""
     if b"#" in text or b"//" in text or b"%" in text:
         return _COMMENT.sub(b"", text)
     return text
 
 
 def first_line(body: bytes) -> tuple[int, int]:
-    """Return where the first line that is not blank starts and ends."""
+    """Return the start and the end of the first line that is not blank."""
     match = re.search(rb"\S", body)
     if match is None:
         return len(body), len(body)
@@ -102,26 +106,34 @@ def first_line(body: bytes) -> tuple[int, int]:
 
 
 def is_numeric_line(line: bytes) -> bool:
-    """Tell whether a line of a table holds nothing but numbers."""
+    """Return whether a line of a table consists of numbers only."""
     return all(is_number(token) for token in line.translate(SEPARATORS).split())
 
 
 def is_number(token: bytes) -> bool:
-    """Tell whether a token is a decimal number, ``nan`` or ``inf``."""
+    """Return whether a token is a decimal number, ``nan`` or ``inf``."""
     return _NUMBER.fullmatch(token) is not None
 
 
-def unfinished(text: bytes) -> tuple[str, ...]:
-    """Return a remark if the last line has no end; the last number may then have lost digits."""
+def truncation_notes(text: bytes) -> tuple[str, ...]:
+    """Return a note if the last line has no end: its last number may have lost digits."""
     if text.endswith((b"\n", b"\r")):
         return ()
-    return ("the last line has no end: the file may be cut short",)
+    return ("the last line has no line end: the file may be cut short",)
 
 
-def stored_as(
+def as_declared_type(
     path: Path, column: NDArray[Any], dtype: np.dtype[Any], name: str, where: str
 ) -> NDArray[Any]:
-    """Return a text column in the type its header declares.
+    """Convert a text column to the type that the header declares.
+
+    Parameters
+    ----------
+    path : Path
+    column : (n,)
+    dtype : dtype
+    name, where : str
+        Name of the column and its location, for messages.
 
     Raises
     ------
@@ -130,9 +142,9 @@ def stored_as(
     """
     with np.errstate(over="ignore", invalid="ignore"):
         cast = column.astype(dtype)
-        kept = np.isinf(cast) == np.isinf(column) if dtype.kind == "f" else cast == column
-    if not kept.all():
-        row = int(np.flatnonzero(~kept)[0])
+        is_equal = np.isinf(cast) == np.isinf(column) if dtype.kind == "f" else cast == column
+    if not is_equal.all():
+        row = int(np.flatnonzero(~is_equal)[0])
         raise malformed(
             path,
             where,
@@ -144,7 +156,7 @@ def stored_as(
 
 
 def formatted(column: NDArray[Any]) -> NDArray[np.str_]:
-    """Return the shortest text of each value that reads back as the same value."""
+    """Return the shortest text of each value from which the same value is read."""
     if column.dtype.kind == "b":
         column = column.astype(np.uint8)
     if column.dtype == np.float64:
@@ -153,23 +165,23 @@ def formatted(column: NDArray[Any]) -> NDArray[np.str_]:
 
 
 def table_lines(columns: Sequence[NDArray[Any]], separator: str) -> bytes:
-    """Return one line of `separator`-joined values a row, at full precision."""
+    """Return one line of `separator`-joined values per row, at full precision."""
     texts = [formatted(column).tolist() for column in columns]
     return ("\n".join(map(separator.join, zip(*texts, strict=True))) + "\n").encode("ascii")
 
 
 def _column(
     values: NDArray[np.float64],
-    whole: bool,
+    is_whole: bool,
     text: bytes,
     starts: NDArray[np.int64],
     ends: NDArray[np.int64],
 ) -> NDArray[Any]:
-    if not whole or not np.isfinite(values).all():
+    if not is_whole or not np.isfinite(values).all():
         return np.ascontiguousarray(values)
     if np.abs(values).max() < _EXACT_INTEGER:
         return values.astype(np.int64)
-    # Nanosecond stamps and the like: every digit counts, so they are read once more, exactly.
+    # Large integers such as nanosecond stamps are parsed again, exactly.
     exact = [int(text[a:b]) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)]
     if min(exact) >= -(2**63) and max(exact) < 2**63:
         return np.array(exact, dtype=np.int64)
@@ -179,22 +191,22 @@ def _column(
 
 
 def _require_one_width(
-    path: Path, text: bytes, first_line: int, starts: NDArray[np.intp], asked: int | None
+    path: Path, text: bytes, first_line: int, starts: NDArray[np.intp], required: int | None
 ) -> tuple[int, int]:
-    """Return the number of filled lines and of tokens a line, or raise where one differs."""
+    """Return the number of filled lines and of tokens per line; raise if a line differs."""
     line_ends = np.append(
         np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n")), len(text)
     )
     per_line = np.diff(np.searchsorted(starts, line_ends), prepend=0)
     filled = np.flatnonzero(per_line)
-    width = int(per_line[filled[0]]) if asked is None else asked
+    width = int(per_line[filled[0]]) if required is None else required
     odd = filled[per_line[filled] != width]
     if len(odd) == 0:
         return len(filled), width
-    words = _bad_token(path, text, first_line, (int(filled[0]), int(odd[0])))
-    if words is not None:
-        raise words
-    reason = "" if asked is not None else f" as on line {first_line + int(filled[0])}"
+    error = _bad_token(path, text, first_line, (int(filled[0]), int(odd[0])))
+    if error is not None:
+        raise error
+    reason = "" if required is not None else f" as on line {first_line + int(filled[0])}"
     raise malformed(
         path,
         f"line {first_line + int(odd[0])}",
@@ -209,12 +221,10 @@ def _unreadable(path: Path, text: bytes, first_line: int) -> FormatError:
     return found or FormatError(f"{path}: the numbers could not be read; {_REMEDY}")
 
 
-def _bad_token(
-    path: Path, text: bytes, first_line: int, places: Iterable[int]
-) -> FormatError | None:
-    """Return the error for the first token that is no number on these lines, counted from 0."""
+def _bad_token(path: Path, text: bytes, first_line: int, rows: Iterable[int]) -> FormatError | None:
+    """Return the error for the first token on these lines, from 0, that is not a number."""
     lines = text.split(b"\n")
-    for k in places:
+    for k in rows:
         for token in lines[k].split():
             if not is_number(token):
                 shown = token[:40].decode("ascii", "backslashreplace")

@@ -1,4 +1,4 @@
-"""Poses and trajectories as files: plain matrices, JSON, KITTI and TUM."""
+"""Files of poses and trajectories: matrices as text, JSON or NumPy; KITTI and TUM."""
 
 import json
 import os
@@ -26,52 +26,55 @@ _REMEDY = "check that it is the right file and complete"
 
 
 def read_pose(path: str | os.PathLike[str]) -> Pose:
-    """Return the pose in a text, JSON or .npy file; a rotation with few digits is mended.
+    """Read a pose from a text, JSON or .npy file.
+
+    A rotation printed with few digits is replaced by the nearest exact one.
 
     Parameters
     ----------
     path : path-like
-        A 4x4 or 3x4 matrix, or its 16 or 12 numbers row by row, in text (spaces, commas and
-        brackets allowed, comments after ``#``), as a JSON list or under the JSON key
+        A 4x4 or 3x4 matrix, or its 16 or 12 numbers row by row: as text (with spaces, commas,
+        brackets, and comments after ``#``), as a JSON list, under the JSON key
         ``target_from_source``, or as a NumPy array.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        Anything but one rigid motion; names the line where there is one to blame.
+        Any other content; the message gives the line, where there is one.
     """
     path = Path(path)
-    return _rigid(path, *_given(path))
+    return _rigid(path, *_located_rows(path))
 
 
 def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
-    """Return the (4, 4) matrix in a file that `read_pose` takes, with its rotation as it stands.
+    """Read the (4, 4) matrix of a pose file with its rotation uncorrected.
 
-    For callers that tell how far it was from a rotation, such as `scanlock.register`.
+    For callers that report the correction, such as `scanlock.register`. Arguments and errors are
+    those of `read_pose`.
     """
     path = Path(path)
-    where, rows = _given(path)
+    where, rows = _located_rows(path)
     matrix = _rigid(path, where, rows).matrix
     matrix[:3, :3] = rows[:3, :3]
     return matrix
 
 
 def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
-    """Write the 4x4 matrix as text, 17 significant digits a number, so that nothing is lost."""
+    """Write the 4x4 matrix of a pose as text, with 17 significant digits, which lose nothing."""
     _write_rows(path, pose.matrix)
 
 
 def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
-    """Return the poses of a trajectory with the 12 numbers of a 3x4 matrix a line.
+    """Read a trajectory in KITTI format: the 12 numbers of a 3x4 matrix per line.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        A line that is no pose, by its number.
+        A line that is not a pose; the message gives its number.
     """
     path = Path(path)
     lines, rows = _rows(path, 12)
@@ -79,20 +82,31 @@ def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
 
 
 def write_kitti_poses(path: str | os.PathLike[str], poses: Sequence[Pose]) -> None:
-    """Write the 12 numbers of the 3x4 matrix of each pose, one a line, 17 significant digits."""
+    """Write a trajectory in KITTI format, with 17 significant digits.
+
+    Raises
+    ------
+    InvalidInput
+        No poses.
+    """
     _require_poses(poses)
     _write_rows(path, np.stack([pose.matrix[:3].ravel() for pose in poses]))
 
 
 def read_tum_poses(path: str | os.PathLike[str]) -> tuple[Vector, list[Pose]]:
-    """Return the times [s] and poses of a trajectory in lines ``t x y z qx qy qz qw``.
+    """Read a trajectory in TUM format: ``t x y z qx qy qz qw`` per line.
+
+    Returns
+    -------
+    times : (n,) [s]
+    poses : list of Pose
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        A line that is no stamped pose, by its number.
+        A line that is not a time and a pose; the message gives its number.
     """
     path = Path(path)
     lines, rows = _rows(path, 8)
@@ -114,12 +128,24 @@ def read_tum_poses(path: str | os.PathLike[str]) -> tuple[Vector, list[Pose]]:
 
 
 def write_tum_poses(path: str | os.PathLike[str], times: ArrayLike, poses: Sequence[Pose]) -> None:
-    """Write a line ``t x y z qx qy qz qw`` a pose, 17 significant digits a number; times in s."""
+    """Write a trajectory in TUM format, with 17 significant digits.
+
+    Parameters
+    ----------
+    path : path-like
+    times : (n,) [s]
+    poses : sequence of n Pose
+
+    Raises
+    ------
+    InvalidInput
+        No poses, or another number of finite times.
+    """
     _require_poses(poses)
     stamps = np.asarray(times, dtype=np.float64)
     if stamps.shape != (len(poses),) or not np.isfinite(stamps).all():
         raise InvalidInput(
-            f"times must be {len(poses)} finite numbers, one a pose, got shape {stamps.shape}"
+            f"times must be {len(poses)} finite numbers, one per pose, got shape {stamps.shape}"
         )
     rows = np.empty((len(poses), 8))
     rows[:, 0] = stamps
@@ -145,7 +171,7 @@ def _columns(path: Path, data: bytes, width: int | None) -> list[NDArray[Any]]:
 
 
 def _rows(path: Path, width: int) -> tuple[list[int], Matrix]:
-    """Return the line numbers and the (n, width) numbers of a trajectory file."""
+    """Return the line numbers and the (n, width) values of a trajectory file."""
     data = read_bytes(path, "trajectory")
     columns = _columns(path, data, width)
     if not columns:
@@ -157,8 +183,8 @@ def _rows(path: Path, width: int) -> tuple[list[int], Matrix]:
     return lines, np.stack(columns, axis=1).astype(np.float64)
 
 
-def _given(path: Path) -> tuple[str, Matrix]:
-    """Return the rows of the matrix in a pose file, after what of the file they are."""
+def _located_rows(path: Path) -> tuple[str, Matrix]:
+    """Return the location of the matrix in a pose file, for messages, and its rows."""
     data = read_bytes(path, "pose")
     if data.startswith(b"\x93NUMPY"):
         return "array", _matrix_rows(path, "array", array_from_npy(path, data))
@@ -166,7 +192,7 @@ def _given(path: Path) -> tuple[str, Matrix]:
     if path.suffix.lower() == ".json" or start == b"{":
         return "JSON", _matrix_rows(path, "JSON", _json_numbers(path, data))
     if start == b"[":
-        # NumPy prints brackets too, without the commas that JSON wants.
+        # NumPy prints brackets too, but without the commas of JSON.
         try:
             return "JSON", _matrix_rows(path, "JSON", _json_numbers(path, data))
         except FormatError:
@@ -184,7 +210,7 @@ def _json_numbers(path: Path, data: bytes) -> Any:
             path, f"line {error.lineno}", expected="JSON", found=error.msg, remedy=_REMEDY
         ) from error
     except (ValueError, RecursionError) as error:
-        # Not UTF-8, a number of thousands of digits, or thousands of brackets.
+        # Not UTF-8, or a number of thousands of digits, or thousands of brackets.
         raise malformed(
             path, "JSON", expected="a matrix in UTF-8", found=str(error), remedy=_REMEDY
         ) from error
@@ -195,19 +221,19 @@ def _json_numbers(path: Path, data: bytes) -> Any:
                 "JSON",
                 expected=f"the key {_KEY}",
                 found=", ".join(map(str, content))[:80] or "no keys",
-                remedy=f"name the matrix {_KEY}, or keep nothing but the list of lists",
+                remedy=f"store the matrix under {_KEY}, or store only the list of lists",
             )
         return content[_KEY]
     return content
 
 
 def _pose(path: Path, where: str, numbers: Any) -> Pose:
-    """Return the pose of 12 or 16 numbers in any of their shapes."""
+    """Return the pose of 12 or 16 numbers, flat or as a matrix."""
     return _rigid(path, where, _matrix_rows(path, where, numbers))
 
 
 def _matrix_rows(path: Path, where: str, numbers: Any) -> Matrix:
-    """Return 12 or 16 numbers in any of their shapes as rows of four."""
+    """Return 12 or 16 numbers, flat or as a matrix, as rows of four."""
     try:
         matrix = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -220,7 +246,7 @@ def _matrix_rows(path: Path, where: str, numbers: Any) -> Matrix:
             where,
             expected=_EXPECTED,
             found=f"numbers of shape {matrix.shape}",
-            remedy="of a trajectory, save the one pose that is meant",
+            remedy="save one pose only, if this is a trajectory",
         )
     return matrix.reshape(-1, 4)
 

@@ -1,4 +1,4 @@
-"""Poses written as a translation and a unit quaternion."""
+"""Poses from a translation and a unit quaternion."""
 
 import math
 from collections.abc import Sequence
@@ -9,11 +9,17 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 
 _NORM_TOLERANCE = 1e-2
-"""How far the norm of a quaternion printed with few digits may be from 1."""
+"""Maximum deviation of the norm of a quaternion from 1; few printed digits cause some."""
 
 
 def pose_from_quaternion(translation: Sequence[float], quaternion: Sequence[float]) -> Pose:
-    """Return the pose of (x, y, z) [m] and a unit quaternion (w, x, y, z).
+    """Return the pose of a translation and a unit quaternion.
+
+    Parameters
+    ----------
+    translation : (3,) [m]
+    quaternion : (4,)
+        In the order (w, x, y, z); it is normalised.
 
     Raises
     ------
@@ -23,7 +29,7 @@ def pose_from_quaternion(translation: Sequence[float], quaternion: Sequence[floa
     q = np.asarray(quaternion, dtype=np.float64)
     norm = math.hypot(*q)
     if not abs(norm - 1.0) <= _NORM_TOLERANCE:
-        raise InvalidInput(f"a quaternion must have norm 1, got {norm:.6g} for {list(quaternion)}")
+        raise InvalidInput(f"quaternion must have norm 1, got {norm:.6g} for {list(quaternion)}")
     w, x, y, z = q / norm
     # fmt: off
     rotation = np.array([

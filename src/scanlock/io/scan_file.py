@@ -1,4 +1,4 @@
-"""A scan as its file holds it: nothing dropped, nothing moved, every guess on record."""
+"""Contents of a scan file: points and fields as stored, with notes on all that was guessed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,48 +12,53 @@ from numpy.typing import NDArray
 from scanlock.arrays import Points, frozen
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.io.columns import distinct_names, find_coordinates
+from scanlock.io.columns import find_coordinates, unique_names
 from scanlock.io.errors import malformed
 
 Field = NDArray[Any]
-"""(n,) or (n, k) values that belong to the points row by row."""
+"""(n,) or (n, k) values, one row for each point."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ScanFile:
-    """The contents of one scan file, in the file's own rows, units and frame.
+    """Contents of one scan file, with the rows, units and frame of the file.
 
-    Rows with NaN or Inf are kept, so that labels and masks computed later line up with the
-    file; `scanlock.clouds.point_cloud.PointCloud` is the gate that leaves them out and counts
-    them.
+    Rows with NaN or Inf are kept, so that labels and masks match the rows of the file;
+    `scanlock.clouds.point_cloud.PointCloud` removes and counts them.
+
+    Raises
+    ------
+    InvalidInput
+        Points or fields of a wrong shape or type, no points, or a width and height that do not
+        match the number of points.
     """
 
     points: Points
-    """(n, 3) coordinates as stored, widened to float64; n is at least 1."""
+    """(n, 3) coordinates as stored, converted to float64; n is at least 1."""
 
     fields: Mapping[str, Field]
-    """Every other column by its name in the file, in the file's order and type."""
+    """All other columns by name, in the order and type of the file."""
 
     format: str
-    """The key of `scanlock.io.FORMATS` that read it."""
+    """Format of the file: a key of `scanlock.io.FORMATS`."""
 
     encoding: str = ""
-    """How the format stored it: ``"ascii"``, ``"binary"``, ``"binary_compressed"``, ..."""
+    """Encoding within the format: ``"ascii"``, ``"binary"``, ``"binary_compressed"``, ..."""
 
     coordinate_dtype: str = "float64"
-    """The type the coordinates have in the file."""
+    """Type of the coordinates in the file."""
 
     width: int = 0
-    """Columns of an organised cloud; the number of points otherwise, and the default."""
+    """Number of columns of an organised cloud; by default the number of points."""
 
     height: int = 1
-    """Rows of an organised cloud; 1 otherwise."""
+    """Number of rows of an organised cloud; 1 otherwise."""
 
     viewpoint: Pose | None = None
-    """Pose of the sensor in the frame of the points, where the format has one (PCD)."""
+    """Pose of the sensor in the frame of the points, for formats that store one (PCD)."""
 
     notes: tuple[str, ...] = ()
-    """What the reader inferred rather than read, one sentence each."""
+    """Notes of the reader, one for each property that was inferred rather than read."""
 
     def __post_init__(self) -> None:
         points = self.points.view()
@@ -76,7 +81,7 @@ class ScanFile:
                     f"a field must not be named x, y or z and must have a row for each of the "
                     f"{len(points)} points, got {name!r} of shape {values.shape}"
                 )
-        # Views are frozen, so that the arrays a caller handed in stay writable.
+        # Only views are made read-only, so that the arrays of the caller stay writable.
         for array in (points, *fields.values()):
             frozen(array)
         object.__setattr__(self, "points", points)
@@ -102,26 +107,32 @@ def scan_from_columns(
     columns: Sequence[Field],
     **attributes: Any,
 ) -> ScanFile:
-    """Return the scan whose columns carry these names; x, y and z become the points.
+    """Build a scan from named columns; x, y and z become the points.
 
-    Further `attributes` (``format``, ``notes``, ...) go to `ScanFile` as they are.
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    names, columns : sequences of equal length
+    **attributes
+        Further attributes of `ScanFile`: ``format``, ``notes``, ...
 
     Raises
     ------
     FormatError
-        No x, y, z among the names, coordinates that are no plain numbers, or no row.
+        Names without x, y and z, coordinates that are not scalar numbers, or no row.
     """
-    names = distinct_names(names)
-    places = find_coordinates(names)
-    if places is None:
+    names = unique_names(names)
+    axes = find_coordinates(names)
+    if axes is None:
         raise malformed(
             path,
             "header",
             expected="columns named x, y and z",
             found=", ".join(names),
-            remedy="rename them, or name the columns in order where the format allows it",
+            remedy="rename them, or pass columns= for a format without names",
         )
-    count = len(columns[places[0]])
+    count = len(columns[axes[0]])
     if count == 0:
         raise malformed(
             path,
@@ -131,36 +142,36 @@ def scan_from_columns(
             remedy="check the program that wrote it",
         )
     points = np.empty((count, 3))
-    for axis, place in enumerate(places):
-        column = columns[place]
+    for axis, index in enumerate(axes):
+        column = columns[index]
         if column.ndim != 1 or column.dtype.kind not in "fiu":
             raise malformed(
                 path,
                 "header",
-                expected=f"one number a point for {'xyz'[axis]}",
+                expected=f"one number per point for {'xyz'[axis]}",
                 found=f"{column.dtype} of shape {column.shape}",
                 remedy="store the coordinates as three scalar columns",
             )
-        # A signalling NaN is one more row without a place, and no reason for a warning.
+        # A signalling NaN is kept like any other NaN, without a warning.
         with np.errstate(invalid="ignore"):
             points[:, axis] = column
     fields = {
-        name: native(column)
-        for place, (name, column) in enumerate(zip(names, columns, strict=True))
-        if place not in places
+        name: _native_copy(column)
+        for index, (name, column) in enumerate(zip(names, columns, strict=True))
+        if index not in axes
     }
-    stored = np.result_type(*(columns[place].dtype for place in places))
+    stored = np.result_type(*(columns[index].dtype for index in axes))
     attributes.setdefault("coordinate_dtype", stored.newbyteorder("=").name)
     return ScanFile(points=points, fields=fields, **attributes)
 
 
 def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
-    """Return the fields one column each: those of k values a point as ``name_0``, ``name_1``, ...
+    """Return the fields as single columns; (n, k) fields become ``name_0``, ``name_1``, ...
 
     Raises
     ------
     InvalidInput
-        Two columns would get one name.
+        Two columns would have the same name.
     """
     flat: dict[str, Field] = {}
     for name, values in scan.fields.items():
@@ -169,11 +180,11 @@ def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
             columns = [(f"{name}_{k}", part) for k, part in enumerate(values.T)]
         for label, column in columns:
             if label in flat:
-                raise InvalidInput(f"{path}: two fields would be called {label}; rename one")
+                raise InvalidInput(f"{path}: two fields would be named {label}; rename one of them")
             flat[label] = column
     return flat
 
 
-def native(column: Field) -> Field:
-    """Return a contiguous copy in this machine's byte order, free of the file's buffer."""
+def _native_copy(column: Field) -> Field:
+    """Return a contiguous copy in native byte order, independent of the buffer of the file."""
     return np.array(column, dtype=column.dtype.newbyteorder("="), order="C")

@@ -1,4 +1,4 @@
-"""Read and write one scan, whatever the format."""
+"""Reading and writing of single scans in any format."""
 
 import os
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
 from scanlock.io.errors import read_bytes
-from scanlock.io.formats.registry import FORMATS, format_of_name, require_format, settled_format
+from scanlock.io.formats.registry import FORMATS, detect_format, format_of_name, require_format
 from scanlock.io.scan_file import ScanFile
 
 Encoding = Literal["binary", "ascii", "compressed"]
@@ -22,34 +22,39 @@ Encoding = Literal["binary", "ascii", "compressed"]
 def read_scan(
     path: str | os.PathLike[str], format: str | None = None, *, columns: Columns = None
 ) -> ScanFile:
-    """Return the contents of a scan file.
+    """Read a scan from a file.
 
     Parameters
     ----------
     path : path-like
         The file.
     format : str, optional
-        A key of `FORMATS`. By default the ending of the name and the content decide, and must
-        agree.
-    columns : int or sequence of str, optional
-        How many columns a headerless file has (``3``), or what they are called (``"x y z
-        label"``). Guessed from the values by default; the guess stands in ``notes``.
+        A key of `FORMATS`. By default it is detected from the extension and the content, which
+        must agree.
+    columns : int or str or sequence of str, optional
+        Number (``3``) or names (``"x y z label"``) of the columns of a file without a header.
+        Guessed from the values by default; the guess is recorded in ``notes``.
+
+    Returns
+    -------
+    ScanFile
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        The file is empty, truncated, mislabelled or malformed; says where and what to do.
+        The file is empty, truncated, mislabelled or malformed; the message says where, and gives
+        a remedy.
     MissingExtra
-        The format needs an optional dependency.
+        The format needs an optional dependency that is not installed.
     InvalidInput
-        `format` or `columns` make no sense, or the format takes no `columns`.
+        An unknown `format`, invalid `columns`, or `columns` for a format that names its own.
     """
     asked = requested_names(columns)
     path = Path(path)
     data = read_bytes(path, "scan")
-    return FORMATS[settled_format(path, data, format)].read(path, data, asked)
+    return FORMATS[detect_format(path, data, format)].read(path, data, asked)
 
 
 def write_scan(
@@ -62,30 +67,30 @@ def write_scan(
     height: int = 1,
     viewpoint: Pose | None = None,
 ) -> None:
-    """Write a scan so that `read_scan` gives the same values back, or leave the disk as it was.
+    """Write a scan to a file, from which `read_scan` returns the same values.
 
     Parameters
     ----------
     path : path-like
-        The file; one that exists is replaced only once the new one is complete.
+        The file; an existing one is replaced once the new one is complete.
     points : (n, 3) [m]
-        float32 is stored as float32, anything else as float64 where the format allows. Pass
-        ``scan.points.astype(scan.coordinate_dtype)`` to store what was read as it was.
+        float32 is stored as float32, other types as float64 where the format has it. Pass
+        ``scan.points.astype(scan.coordinate_dtype)`` to keep the type of a scan that was read.
     fields : mapping of str to (n,) or (n, k), optional
         Further columns.
     format : str, optional
-        A key of `FORMATS`; by default the ending of the name decides.
+        A key of `FORMATS`; by default given by the extension.
     encoding : {"binary", "ascii", "compressed"}, optional
-        The first that the format has, by default.
+        By default the first one of the format.
     height : int
-        Rows of an organised cloud, for PCD.
+        Number of rows of an organised cloud, for PCD.
     viewpoint : Pose, optional
         Pose of the sensor in the frame of the points, for PCD.
 
     Raises
     ------
     InvalidInput
-        No points, or something that the format cannot hold without loss.
+        No points, or values that the format cannot hold without loss.
     FileNotFoundError
         The folder does not exist.
     """
@@ -93,8 +98,8 @@ def write_scan(
     name = format_of_name(path) if format is None else require_format(format)
     if name is None:
         raise InvalidInput(
-            f"the ending of {path.name} stands for no format; pass format= as one of "
-            f"{', '.join(FORMATS)}"
+            f"the extension of {path.name} must be that of a scan format; use another, or pass "
+            f"format= as one of {', '.join(FORMATS)}"
         )
     known = FORMATS[name]
     chosen = known.encodings[0] if encoding is None else encoding
@@ -103,7 +108,9 @@ def write_scan(
             f"encoding of {name} must be one of {', '.join(known.encodings)}, got {encoding!r}"
         )
     if not known.organised and (height != 1 or viewpoint is not None):
-        raise InvalidInput(f"{name} keeps no height or viewpoint; write .pcd, or leave them out")
+        raise InvalidInput(
+            f"height and viewpoint cannot be written as {name}; write .pcd, or leave them out"
+        )
     scan = _scan_to_write(points, fields or {}, name, height, viewpoint)
     with atomic_file(path) as handle:
         known.write(path, handle, scan, chosen)
@@ -120,7 +127,7 @@ def _scan_to_write(
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "fiu":
         raise InvalidInput(
             f"points must be real numbers of shape (n, 3), got {array.dtype} {array.shape}; "
-            "further columns go into fields"
+            "pass further columns as fields"
         )
     if len(array) == 0:
         raise InvalidInput("points must hold at least one row to be written, got none")

@@ -1,4 +1,4 @@
-"""Folders of scans that follow each other, whoever laid them out."""
+"""Sequences of scans in a folder: plain files, KITTI, Ford Campus, or ``scanlock simulate``."""
 
 import os
 import re
@@ -12,9 +12,9 @@ import numpy as np
 from scanlock.arrays import Points, Vector, frozen
 from scanlock.errors import FormatError, require_count
 from scanlock.geometry.pose import Pose
+from scanlock.io.datasets.ford import read_ford_scan
+from scanlock.io.datasets.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.formats.ford import read_ford_scan
-from scanlock.io.formats.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.formats.registry import format_of_name
 from scanlock.io.poses import read_kitti_poses, read_tum_poses
 from scanlock.io.scans import read_scan
@@ -22,31 +22,35 @@ from scanlock.io.scans import read_scan
 _LAYOUTS = """\
 a folder of scan files, of KITTI (raw: velodyne_points/data; odometry: velodyne), of the Ford Campus
 data set (SCANS/Scan*.mat) or of scanlock simulate (scans)"""
+"""The supported layouts, for messages."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+_Loader = Callable[[Path], Points]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ScanSequence:
-    """Scans in their order.
+    """Scan files in temporal order, with times and poses; points are read on request.
 
     Attributes
     ----------
     title : str
-        What kind of folder it is.
+        Kind of the folder.
     paths : tuple of Path
-        One file a scan.
+        File of each scan.
     times : (n,) [s]
-        When each was taken; counts from zero where the folder does not tell.
+        Time of each scan; 0, 1, 2, ... where the folder has no times.
     poses : tuple of Pose
-        ``world_from_sensor`` of each scan as the folder has it; empty where it has none.
+        ``world_from_sensor`` of each scan; empty where the folder has no poses.
     load : callable
-        Returns the (n, 3) points [m] of a file, without rows at (0, 0, 0).
+        Function that returns the (n, 3) points [m] of a file, without rows at (0, 0, 0).
     """
 
     title: str
     paths: tuple[Path, ...]
     times: Vector
     poses: tuple[Pose, ...]
-    load: Callable[[Path], Points]
+    load: _Loader
 
     def __post_init__(self) -> None:
         frozen(self.times)
@@ -56,15 +60,21 @@ class ScanSequence:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each scan is called: its file's name without the ending."""
+        """Name of each scan: that of its file without the extension."""
         return tuple(path.stem for path in self.paths)
 
     def scan(self, index: int) -> Points:
-        """Return the (n, 3) points [m] of a scan."""
+        """Read the (n, 3) points [m] of a scan."""
         return self.load(self.paths[index])
 
-    def taken(self, every: int, count: int | None = None) -> "ScanSequence":
-        """Return every k-th scan from the first on, at most `count` of them."""
+    def subsampled(self, every: int, count: int | None = None) -> "ScanSequence":
+        """Return every k-th scan from the first on, at most `count` of them.
+
+        Raises
+        ------
+        InvalidInput
+            An `every` below one.
+        """
         require_count("every", every)
         rows = range(0, len(self), every)[:count]
         return replace(
@@ -82,42 +92,60 @@ def open_sequence(
     every: int = 1,
     count: int | None = None,
 ) -> ScanSequence:
-    """Return the scans of a folder in their order; no points are read yet.
+    """Open a folder of scans as a sequence, without reading points.
 
     Parameters
     ----------
     folder : path-like
         A folder of scan files, of KITTI raw or odometry, of the Ford Campus data set, or of
-        ``scanlock simulate``. KITTI raw is given no poses: its satellite track is decimetres off
-        within seconds. The numbers in the names of KITTI's files are rows of its poses and
-        times, so some of a drive's scans may be missing.
+        ``scanlock simulate``.
     poses : path-like, optional
-        ``world_from_sensor`` of each scan, KITTI or TUM format, in place of the folder's own.
+        File of ``world_from_sensor`` of each scan, in KITTI or TUM format, instead of the poses
+        of the folder.
     every, count : int, optional
-        Take every k-th scan, at most so many; see `ScanSequence.taken`. The Ford Campus data set
-        keeps times and poses inside the scans, and those left out are not read.
+        Take every k-th scan, and at most `count`; see `ScanSequence.subsampled`.
+
+    Returns
+    -------
+    ScanSequence
 
     Raises
     ------
     FileNotFoundError
-        There is no such folder.
+        The folder does not exist.
     FormatError
-        It holds no scans, or not as many poses or times as scans.
+        A folder without scans, or with another number of poses than of scans.
+    InvalidInput
+        An `every` below one.
+
+    Notes
+    -----
+    KITTI names its files by row of its poses and times, so some scans of a drive may be missing.
+    KITTI raw has no poses here: its GPS/IMU track is off by decimetres within seconds. The Ford
+    Campus data set stores times and poses inside the scans; only those of the scans taken are
+    read.
     """
     folder = Path(folder)
     if not folder.is_dir():
         raise FileNotFoundError(2, "no such folder of scans", str(folder))
     ford = _ford_files(folder)
-    sequence = ScanSequence("Ford Campus", ford, _counted(ford), (), _load_ford) if ford else None
-    sequence = sequence or _opened(folder)
+    sequence = _sequence("Ford Campus", ford, load=_load_ford) if ford else _open_other(folder)
     if poses is not None:
         sequence = _with_poses(sequence, read_trajectory(poses)[1], Path(poses))
-    sequence = sequence.taken(every, count)
-    return _with_ford_heads(sequence) if ford else sequence
+    sequence = sequence.subsampled(every, count)
+    return _with_ford_metadata(sequence) if ford else sequence
 
 
 def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
-    """Return the times [s], where there are any, and the poses of a KITTI or TUM file."""
+    """Read the times [s] and the poses of a KITTI or TUM file; times are None for KITTI.
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError
+        A file in neither format.
+    """
     path = Path(path)
     try:
         return None, read_kitti_poses(path)
@@ -128,7 +156,20 @@ def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[P
             raise kitti from None
 
 
-def _opened(folder: Path) -> ScanSequence:
+def _sequence(
+    title: str, paths: tuple[Path, ...], times: Vector | None = None, load: _Loader | None = None
+) -> ScanSequence:
+    """Return a sequence without poses; times are row numbers, and files are scans, by default."""
+    return ScanSequence(
+        title=title,
+        paths=paths,
+        times=np.arange(len(paths), dtype=np.float64) if times is None else times,
+        poses=(),
+        load=load or _load,
+    )
+
+
+def _open_other(folder: Path) -> ScanSequence:
     raw = folder / "velodyne_points" / "data"
     if raw.is_dir():
         return _kitti_raw(folder, _scan_files(raw))
@@ -136,50 +177,50 @@ def _opened(folder: Path) -> ScanSequence:
         return _kitti_odometry(folder, _scan_files(folder / "velodyne"))
     if (folder / "scans").is_dir():
         return _simulated(folder, _scan_files(folder / "scans"))
-    paths = _scan_files(folder)
-    return ScanSequence("folder of scans", paths, _counted(paths), (), _load)
+    return _sequence("folder of scans", _scan_files(folder))
 
 
 def _ford_files(folder: Path) -> tuple[Path, ...]:
-    for place in (folder / "SCANS", folder):
-        found = _sorted(place.glob("Scan*.mat")) if place.is_dir() else ()
+    for parent in (folder / "SCANS", folder):
+        found = _sorted(parent.glob("Scan*.mat")) if parent.is_dir() else ()
         if found:
             return found
     return ()
 
 
-def _with_ford_heads(sequence: ScanSequence) -> ScanSequence:
-    heads = [read_ford_scan(path)[1:] for path in sequence.paths]
-    own = tuple(pose for _, pose in heads)
-    times = np.array([time for time, _ in heads])
-    return replace(sequence, times=times, poses=sequence.poses or own)
+def _with_ford_metadata(sequence: ScanSequence) -> ScanSequence:
+    """Return the sequence with the times and, unless others are given, the poses of its files."""
+    metadata = [read_ford_scan(path)[1:] for path in sequence.paths]
+    poses = tuple(pose for _, pose in metadata)
+    times = np.array([time for time, _ in metadata])
+    return replace(sequence, times=times, poses=sequence.poses or poses)
 
 
 def _kitti_raw(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
     stamps = folder / "velodyne_points" / "timestamps.txt"
-    times = _times_of(paths, read_clock_times(stamps)) if stamps.exists() else _counted(paths)
-    return ScanSequence("KITTI raw", paths, times, (), _load)
+    times = _times_of(paths, read_clock_times(stamps)) if stamps.exists() else None
+    return _sequence("KITTI raw", paths, times)
 
 
 def _kitti_odometry(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
     stamps = folder / "times.txt"
-    times = _times_of(paths, read_kitti_times(stamps)) if stamps.exists() else _counted(paths)
-    sequence = ScanSequence("KITTI odometry", paths, times, (), partial(_load, format="bin"))
-    # Of ".", only the absolute path has a name; a linked folder keeps the one it is called by.
-    place = Path(os.path.abspath(folder))
-    found = place.parent.parent / "poses" / f"{place.name}.txt"
-    if not found.exists() or not (folder / "calib.txt").exists():
+    times = _times_of(paths, read_kitti_times(stamps)) if stamps.exists() else None
+    sequence = _sequence("KITTI odometry", paths, times, load=partial(_load, format="bin"))
+    # The absolute path names the drive even for "."; links are not resolved.
+    absolute = Path(os.path.abspath(folder))
+    track = absolute.parent.parent / "poses" / f"{absolute.name}.txt"
+    if not track.exists() or not (folder / "calib.txt").exists():
         return sequence
-    # The benchmark has the poses of the left camera, and Tr carries the laser into its frame.
+    # The benchmark has the poses of the left camera; Tr is camera_from_laser.
     camera_from_laser = read_kitti_calibration(folder / "calib.txt")
-    first = camera_from_laser.inverse()
-    poses = [first @ pose @ camera_from_laser for pose in read_kitti_poses(found)]
+    laser_from_camera = camera_from_laser.inverse()
+    poses = [laser_from_camera @ pose @ camera_from_laser for pose in read_kitti_poses(track)]
     rows = _rows_of(paths, len(poses))
-    return _with_poses(sequence, poses if rows is None else [poses[row] for row in rows], found)
+    return _with_poses(sequence, poses if rows is None else [poses[row] for row in rows], track)
 
 
 def _rows_of(paths: tuple[Path, ...], count: int) -> Sequence[int] | None:
-    """Return which row of a drive's `count` rows each file is; None where that cannot be told."""
+    """Return the row, of `count`, that belongs to each file; None where it is unknown."""
     if all(path.stem.isdecimal() for path in paths):
         rows = [int(path.stem) for path in paths]
         if max(rows) < count:
@@ -187,13 +228,14 @@ def _rows_of(paths: tuple[Path, ...], count: int) -> Sequence[int] | None:
     return range(count) if count == len(paths) else None
 
 
-def _times_of(paths: tuple[Path, ...], read: Vector) -> Vector:
-    rows = _rows_of(paths, len(read))
-    return _counted(paths) if rows is None else read[np.array(rows, np.int64)]
+def _times_of(paths: tuple[Path, ...], times: Vector) -> Vector | None:
+    """Return the time of each file among the times of a drive; None where it is unknown."""
+    rows = _rows_of(paths, len(times))
+    return None if rows is None else times[np.array(rows, np.int64)]
 
 
 def _simulated(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
-    sequence = ScanSequence("scanlock simulate", paths, _counted(paths), (), _load)
+    sequence = _sequence("scanlock simulate", paths)
     track = folder / "poses_tum.txt"
     if not track.exists():
         return sequence
@@ -209,25 +251,25 @@ def _with_poses(sequence: ScanSequence, poses: list[Pose], source: Path) -> Scan
             "data",
             expected=f"a pose for each of the {len(sequence)} scans",
             found=f"{len(poses)}",
-            remedy="name the poses of these scans, all of them and no more",
+            remedy="give one pose for each of these scans",
         )
     return replace(sequence, poses=tuple(poses))
 
 
 def _scan_files(folder: Path) -> tuple[Path, ...]:
-    # Hidden files are half-written scans, or what other systems note about the real ones.
+    # Hidden files are incomplete scans, or metadata of other systems.
     files = (path for path in folder.iterdir() if path.is_file() and path.name[0] != ".")
     found = _sorted(path for path in files if format_of_name(path) is not None)
-    kinds = {path.suffix.lower() for path in found}
-    if len(kinds) > 1:
-        # A scan's points outnumber notes and poses in text beside them.
-        kinds -= {".txt", ".csv", ".json"}
-    found = tuple(path for path in found if path.suffix.lower() in kinds)
-    if not found or len(kinds) > 1:
-        what = f"files of {', '.join(sorted(kinds))}" if found else "no scan files"
+    extensions = {path.suffix.lower() for path in found}
+    if len(extensions) > 1:
+        # Text files beside scans of another format are notes and poses.
+        extensions -= {".txt", ".csv", ".json"}
+    found = tuple(path for path in found if path.suffix.lower() in extensions)
+    if not found or len(extensions) > 1:
+        content = f"files of {', '.join(sorted(extensions))}" if found else "no scan files"
         raise FormatError(
-            f"{folder}: expected {_LAYOUTS}, found {what}; keep scans of one format in a folder of "
-            "their own"
+            f"{folder}: expected {_LAYOUTS}, found {content}; give a folder with the scans of one "
+            "format only"
         )
     return found
 
@@ -238,7 +280,7 @@ def _sorted(paths: Iterable[Path]) -> tuple[Path, ...]:
     def key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
         parts = re.split(r"(\d+)", path.name)
         natural = [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
-        # 1 and 01 are the same number, and folders are listed in no order.
+        # 1 and 01 are the same number; the name makes their order unique.
         return natural, path.name
 
     return tuple(sorted(paths, key=key))
@@ -253,9 +295,6 @@ def _load_ford(path: Path) -> Points:
 
 
 def _returns(points: Points) -> Points:
-    is_blank = (points == 0.0).all(axis=1)
-    return points[~is_blank] if is_blank.any() else points
-
-
-def _counted(paths: tuple[Path, ...]) -> Vector:
-    return np.arange(len(paths), dtype=np.float64)
+    """Return the points without rows at (0, 0, 0), which sensors write for lost returns."""
+    is_zero = (points == 0.0).all(axis=1)
+    return points[~is_zero] if is_zero.any() else points

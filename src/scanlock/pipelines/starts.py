@@ -1,4 +1,4 @@
-"""Where the registrations of a study begin: at the identity, or away from it or from the truth."""
+"""Initial poses of the registrations of a study: identity, fixed motions, or perturbed truth."""
 
 import math
 import zlib
@@ -14,71 +14,70 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 
 StartAxis = Literal["vertical", "random"]
-"""How starts err: about the vertical and nearly level as vehicles do, or any way."""
+"""Directions of a perturbation: about the vertical with a nearly level shift, or random."""
 
-_LEVELNESS = 0.1
-"""Vertical share of the shifts of vehicles."""
+_VERTICAL_SHARE = 0.1
+"""Factor on the vertical component of the shift for the axis ``"vertical"``."""
 
 
 class StartPlan(Protocol):
-    """Which starts each pair has."""
+    """The named initial poses of every pair."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the starts of any pair are called, in their order."""
+        """Names of the starts, in order; the same for all pairs."""
         ...
 
     @property
     def rule(self) -> str:
-        """What decides a start besides its name and its pair, in a few words."""
+        """Text that identifies all inputs of a start besides its name and its pair."""
         ...
 
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
-        """Return the start of this name for a pair, target from source.
+        """Return the initial pose of a pair, target from source.
 
         Parameters
         ----------
         name : str
             One of `names`.
         pair : str
-            What the pair is called.
-        truth : Pose, optional
-            Its true pose, where it is known.
+            Name of the pair.
+        truth : Pose or None
+            True pose of the pair, where known.
         centre : (3,) [m]
-            The place in the source about which starts are turned.
+            Centre of rotation, in the source frame.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class FromIdentity:
-    """Start every pair once, from no motion at all."""
+    """One start for every pair: the identity."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The only start."""
+        """The single name ``"identity"``."""
         return ("identity",)
 
     @property
     def rule(self) -> str:
-        """Nothing more is to be known."""
+        """The text ``"identity"``."""
         return "identity"
 
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
-        """Return the identity."""
+        """Return the identity pose."""
         return Pose.identity()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Displaced:
-    """Start every pair from the same stated motions, whatever the true pose is.
+    """The same given motions as starts of every pair, independent of the true pose.
 
-    A source that was moved and turned by a motion and is registered from no motion is the same
-    as one that starts there.
+    Starting from a motion is equivalent to moving the source by it and starting from the identity.
     """
 
     motions: Mapping[str, Pose]
-    """The start [m] of each name, turned about the middle of the source."""
+    """Named motions, whose rotation is about the centre of the source."""
 
     def __post_init__(self) -> None:
         if not self.motions:
@@ -86,53 +85,53 @@ class Displaced:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One for every motion."""
+        """One name for every motion."""
         return tuple(self.motions)
 
     @property
     def rule(self) -> str:
-        """The motions themselves."""
+        """Names and matrices of the motions."""
         return "; ".join(
             f"{name}: {pose.matrix[:3].tolist()}" for name, pose in self.motions.items()
         )
 
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
-        """Return the motion of this name."""
+        """Return the motion of this name, applied about `centre`."""
         motion = self.motions[name]
         return Pose(motion.rotation, centre + motion.translation - motion.rotation @ centre)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AroundTruth:
-    """Start every pair from poses that are wrong by known amounts, in random directions.
+    """Perturbations of the true pose by given distances and angles, in random directions.
 
-    Each start is the true pose, moved and turned about the middle of the source by exactly the
-    stated distance and angle. It depends on the seed and the pair's name alone.
+    Each start is the true pose, translated and rotated about the centre of the source by exactly
+    the given distance and angle. It depends only on the seed, its name and the name of the pair.
     """
 
     distances: tuple[float, ...] = (0.0, 1.0, 2.0, 4.0, 8.0)
-    """Errors of translation [m]."""
+    """Distances by which starts are off in translation [m], ascending."""
 
     angles: tuple[float, ...] = tuple(math.radians(angle) for angle in (0.0, 10.0, 20.0, 40.0))
-    """Errors of rotation [rad], each with every distance."""
+    """Angles by which starts are off in rotation [rad], ascending; combined with every distance."""
 
     repeats: int = 1
-    """Starts with every pair of errors."""
+    """Number of starts for each combination of a distance and an angle."""
 
     axis: StartAxis = "vertical"
-    """How they err."""
+    """Directions of the perturbations; see `StartAxis`."""
 
     seed: int = 0
-    """Decides the directions."""
+    """Seed of the random directions."""
 
     def __post_init__(self) -> None:
         for name, values in (("distances", self.distances), ("angles", self.angles)):
             if not values or list(values) != sorted(set(values)):
-                raise InvalidInput(f"{name} must grow from one to the next, got {values}")
+                raise InvalidInput(f"{name} must be strictly ascending, got {values}")
             require_at_least(name, values[0], 0.0)
             require_at_least(name, values[-1], 0.0)
         if self.angles[-1] > math.pi:
-            raise InvalidInput(f"angles must be at most half a turn, got {self.angles[-1]} rad")
+            raise InvalidInput(f"angles must be at most pi rad, got {self.angles[-1]} rad")
         require_count("repeats", self.repeats)
         require_count("seed", self.seed, least=0)
         if self.axis not in ("vertical", "random"):
@@ -140,17 +139,17 @@ class AroundTruth:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One for every distance, angle and repeat."""
+        """One name for every distance, angle and repeat."""
         return tuple(self.levels)
 
     @property
     def rule(self) -> str:
-        """What decides a start besides its name and its pair."""
+        """Axis and seed."""
         return f"{self.axis}, seed {self.seed}"
 
     @property
     def levels(self) -> Mapping[str, tuple[float, float]]:
-        """The distance [m] and angle [rad] of each start by its name."""
+        """Distance [m] and angle [rad] of each start, by its name."""
         return {
             f"{distance:g} m, {math.degrees(angle):g} deg, {repeat}": (distance, angle)
             for distance in self.distances
@@ -159,21 +158,24 @@ class AroundTruth:
         }
 
     def pose(self, name: str, pair: str, truth: Pose | None, centre: Vector) -> Pose:
-        """Return the true pose made wrong as `name` says.
+        """Return the true pose, perturbed by the distance and angle of `name`.
 
         Raises
         ------
         InvalidInput
-            The true pose of the pair is not known.
+            The true pose of the pair is unknown.
         """
         if truth is None:
-            raise InvalidInput(f"starts about the true pose need one, and {pair} has none")
+            raise InvalidInput(
+                f"truth must be given for starts around it, got none for the pair {pair}; give the "
+                "poses of its scans, or choose other starts"
+            )
         distance, angle = self.levels[name]
-        words = (zlib.crc32(text.encode()) for text in (pair, name))
-        rng = np.random.default_rng(np.random.SeedSequence([self.seed, *words]))
+        keys = (zlib.crc32(text.encode()) for text in (pair, name))
+        rng = np.random.default_rng(np.random.SeedSequence([self.seed, *keys]))
         shift, turn = rng.normal(size=3), rng.normal(size=3)
         if self.axis == "vertical":
-            shift[2] *= _LEVELNESS
+            shift[2] *= _VERTICAL_SHARE
             turn[:2] = 0.0
         shift *= distance / np.linalg.norm(shift)
         turn *= angle / np.linalg.norm(turn)

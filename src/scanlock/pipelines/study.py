@@ -1,4 +1,4 @@
-"""Many pairs by many methods from many starts, one record each, as soon as it is there."""
+"""Studies: every pair of scans, registered by every method from every start, one record each."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,43 +21,48 @@ from scanlock.registration.register import register
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.status import Status
 
-_Made = TypeVar("_Made", PointCloud, PreparedScan)
+_Cached = TypeVar("_Cached", PointCloud, PreparedScan)
 
 FAILED = "failed"
-"""Status of a record whose registration raised an error."""
+"""Status of a record whose registration raised a `ScanlockError`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StudyPair:
-    """Two scans to be registered."""
+    """Two scans to register, by name."""
 
     target: str
-    """Name of the scan that stays."""
+    """Name of the target scan."""
 
     source: str
-    """Name of the scan that moves."""
+    """Name of the source scan."""
 
     truth: Pose | None = None
-    """The true target_from_source, where it is known."""
+    """True pose, ``target_from_source``; None where unknown."""
 
     @property
     def name(self) -> str:
-        """What the pair is called."""
+        """Name of the pair, of its two scans."""
         return f"{self.target} {self.source}"
 
 
 @dataclass(frozen=True, slots=True)
 class StudyTask:
-    """One registration of a study, by its names."""
+    """One registration of a study: names of a pair, a method and a start."""
 
     pair: str
+    """Name of the pair."""
+
     method: str
+    """Name of the method in the study."""
+
     start: str
+    """Name of the start in the plan of the study."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StudyRecord:
-    """What came of one registration.
+    """Result of one registration of a study.
 
     Attributes
     ----------
@@ -65,24 +70,24 @@ class StudyRecord:
     status : str
         Value of a `Status`, or `FAILED` where an error was raised.
     reason : str
-        One sentence that explains the status.
+        Explanation of the status, or the error message.
     start, pose : Pose or None
-        Where the registration began and ended, target from source; None where it failed.
+        Initial and estimated pose, target from source; None where an error was raised.
     overlap, score : float
-        As in `RegistrationResult`; NaN where nothing was registered.
+        As in `RegistrationResult`; NaN where they are unknown.
     evaluations : int
-        How often the objective was evaluated.
+        Number of evaluations of the objective.
     mean_distance : float [m]
-        Mean distance of the last closest points, for methods that pair points; else NaN.
+        Mean distance of the last correspondences, for ICP methods; NaN for others.
     translation_error, rotation_error : float [m], [rad]
-        How far the pose is from the true one, in the middle of the source; NaN where either is
-        missing.
+        Errors of the pose at `centre`; NaN without a pose or a true pose.
     centre : tuple of 3 floats [m]
-        The middle of the source: zero in a sensor's frame, the origin taken off map coordinates.
+        Centre of the source: zero in the frame of a sensor, near the points in map coordinates.
     notes : tuple of str
+        Notes of the result.
     seconds : float [s]
-        Wall time of preparing and registering the two scans; NaN for a record that was read from
-        a file. Records that differ in nothing else are equal.
+        Wall time of preparing and registering both scans; NaN for a record that was read from a
+        file. It is ignored when records are compared.
     """
 
     task: StudyTask
@@ -102,18 +107,18 @@ class StudyRecord:
 
     @property
     def ok(self) -> bool:
-        """Whether the method calls its pose right."""
+        """Whether the status is ``"ok"``."""
         return self.status == Status.OK.value
 
     def is_solved(self, translation: float, rotation: float) -> bool:
-        """Tell whether the pose is within ``translation`` [m] and ``rotation`` [rad] of the truth.
+        """Return whether both errors are at most `translation` [m] and `rotation` [rad].
 
-        False where the truth is not known.
+        False where the true pose is unknown.
         """
         return self.translation_error <= translation and self.rotation_error <= rotation
 
-    def judged_by(self, truth: Pose | None) -> "StudyRecord":
-        """Return the record with its errors against another true pose, or against none."""
+    def with_truth(self, truth: Pose | None) -> "StudyRecord":
+        """Return a copy with the errors against this true pose; NaN for None."""
         metres, radians = math.nan, math.nan
         if self.pose is not None and truth is not None:
             metres, radians = pose_errors(self.pose, truth, np.array(self.centre))
@@ -122,31 +127,31 @@ class StudyRecord:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Study:
-    """Every pair by every method from every start."""
+    """All combinations of pairs, methods and starts, in this order of nesting."""
 
     methods: Mapping[str, Method[Any]]
-    """What to register with, by the name that records carry."""
+    """Methods, by the names that appear in records."""
 
     pairs: Sequence[StudyPair]
-    """What to register; a scan that is in two neighbouring pairs is loaded and prepared once."""
+    """Pairs to register; a scan shared by consecutive pairs is loaded and prepared once."""
 
     load: Callable[[str], ArrayLike | PointCloud]
-    """Returns the (n, 3+) points [m] of a scan by its name."""
+    """Function that returns the (n, 3+) points [m] of a scan, given its name."""
 
     starts: StartPlan = field(default_factory=FromIdentity)
-    """Where to begin."""
+    """Initial poses of every pair."""
 
     def __post_init__(self) -> None:
-        for what, names in (
+        for argument, names in (
             ("methods", [*self.methods]),
             ("pairs", [pair.name for pair in self.pairs]),
-            ("starts", [*self.starts.names]),
+            ("names of starts", [*self.starts.names]),
         ):
             if not names or len(set(names)) < len(names):
-                raise InvalidInput(f"{what} must have a name each and not be empty, got {names}")
+                raise InvalidInput(f"{argument} must be unique and at least one, got {names}")
 
     def tasks(self) -> Iterator[StudyTask]:
-        """Yield all registrations in the order in which they are done."""
+        """Yield all registrations, in the order in which they run."""
         for pair in self.pairs:
             yield from self._tasks_of(pair)
 
@@ -156,19 +161,21 @@ class Study:
     def records(
         self, known: Mapping[StudyTask, StudyRecord] | None = None
     ) -> Iterator[StudyRecord]:
-        """Yield a record for every task, in the order of `tasks`.
+        """Register every task and yield its record, in the order of `tasks`.
+
+        Errors of a scan or a registration become records with the status `FAILED`.
 
         Parameters
         ----------
         known : mapping of StudyTask to StudyRecord, optional
-            Records to hand out again rather than make anew.
+            Records to yield instead of registering their tasks again.
         """
         known = known or {}
-        bench = _Bench(self)
+        cache = _ScanCache(self)
         for pair in self.pairs:
             for task in self._tasks_of(pair):
-                yield known[task] if task in known else bench.record(pair, task)
-            bench.keep_only(pair.source)
+                yield known[task] if task in known else cache.record(pair, task)
+            cache.keep_only(pair.source)
 
     def _tasks_of(self, pair: StudyPair) -> Iterator[StudyTask]:
         for method in self.methods:
@@ -176,8 +183,8 @@ class Study:
                 yield StudyTask(pair.name, method, start)
 
 
-class _Bench:
-    """Scans loaded and prepared, as long as they may be wanted again."""
+class _ScanCache:
+    """Loaded and prepared scans of the current pair, or the errors that they raised."""
 
     def __init__(self, study: Study) -> None:
         self._study = study
@@ -186,11 +193,11 @@ class _Bench:
 
     def keep_only(self, scan: str) -> None:
         self._clouds = {name: cloud for name, cloud in self._clouds.items() if name == scan}
-        self._prepared = {key: kept for key, kept in self._prepared.items() if key[0] == scan}
+        self._prepared = {key: data for key, data in self._prepared.items() if key[0] == scan}
 
     def record(self, pair: StudyPair, task: StudyTask) -> StudyRecord:
         try:
-            target, source = (self._ready(name, task) for name in (pair.target, pair.source))
+            target, source = (self._scan(name, task) for name in (pair.target, pair.source))
             centre = source.cloud.origin
             start = self._study.starts.pose(task.start, pair.name, pair.truth, centre)
             result = register(source=source, target=target, method=target.method, initial=start)
@@ -198,9 +205,9 @@ class _Bench:
             return StudyRecord(task=task, status=FAILED, reason=str(error), start=None, pose=None)
         preparing = sum(sum(scan.timings.values()) for scan in (target, source))
         seconds = preparing + result.timings["total"]
-        return _recorded(task, pair, start, result, centre, seconds)
+        return _record_of(task, pair, start, result, centre, seconds)
 
-    def _ready(self, scan: str, task: StudyTask) -> PreparedScan:
+    def _scan(self, scan: str, task: StudyTask) -> PreparedScan:
         key = (scan, task.method)
         if key not in self._prepared:
             try:
@@ -208,7 +215,7 @@ class _Bench:
                 self._prepared[key] = prepare(self._cloud(scan), method=method)
             except ScanlockError as error:
                 self._prepared[key] = error
-        return _value(self._prepared[key])
+        return _value_or_raise(self._prepared[key])
 
     def _cloud(self, scan: str) -> PointCloud:
         if scan not in self._clouds:
@@ -216,26 +223,31 @@ class _Bench:
                 self._clouds[scan] = PointCloud.from_array(self._study.load(scan), f"scan {scan}")
             except ScanlockError as error:
                 self._clouds[scan] = error
-        return _value(self._clouds[scan])
+        return _value_or_raise(self._clouds[scan])
 
 
 def pose_errors(pose: Pose, truth: Pose, centre: Vector) -> tuple[float, float]:
-    """Return how far a pose is from the true one: translation [m] and rotation angle [rad].
+    """Compute the errors of a pose: translation [m] at a point of the source, rotation [rad].
 
-    The translation is that of a (3,) place in the source: of its middle in map coordinates,
-    where a turn about their far origin would look like a long way.
+    Parameters
+    ----------
+    pose, truth : Pose
+        Target from source.
+    centre : (3,) [m]
+        Point of the source at which the translation error is taken. In map coordinates, a small
+        rotation error about the far origin would else dominate it.
     """
     metres = float(np.linalg.norm(pose.apply(centre) - truth.apply(centre)))
     return metres, rotation_angle(truth.rotation.T @ pose.rotation)
 
 
-def _value(kept: _Made | ScanlockError) -> _Made:
-    if isinstance(kept, ScanlockError):
-        raise kept
-    return kept
+def _value_or_raise(cached: _Cached | ScanlockError) -> _Cached:
+    if isinstance(cached, ScanlockError):
+        raise cached
+    return cached
 
 
-def _recorded(
+def _record_of(
     task: StudyTask,
     pair: StudyPair,
     start: Pose,
@@ -258,7 +270,7 @@ def _recorded(
         notes=result.notes,
         seconds=seconds,
     )
-    return record.judged_by(pair.truth)
+    return record.with_truth(pair.truth)
 
 
 def _last_distance(history: Sequence[Iteration]) -> float:

@@ -1,8 +1,8 @@
-"""The records of a study as lines of JSON that an interrupt leaves whole.
+"""Records of a study in a JSON Lines file, so that an interrupted study can be resumed.
 
-A record is on disk before the next one is begun, and a line that was cut short by a power failure
-or a full disk is dropped when the file is opened again. Records carry the digest of all that made
-them, so that changed settings or scans never meet old results.
+Each record is on disk before the next registration starts. A line that was cut short by a power
+failure or a full disk is dropped when the file is opened again. Records carry a digest of all
+their inputs, so that a record made with other settings or scans is never reused.
 """
 
 import hashlib
@@ -21,9 +21,9 @@ from scanlock.io.errors import malformed
 from scanlock.pipelines.study import Study, StudyRecord, StudyTask
 
 _HEAD = b'{"key": "'
-"""How every line begins."""
+"""First bytes of every line."""
 
-_REMEDY = "remove the line, or name another file"
+_REMEDY = "remove the line, or choose another file"
 
 _NUMBERS = {
     "overlap": "overlap",
@@ -32,17 +32,17 @@ _NUMBERS = {
     "translation_error": "translation_error_m",
     "rotation_error": "rotation_error_rad",
 }
-"""Attributes of a record that are numbers, or NaN, by their names in the file."""
+"""Names in the file of the attributes of a record that are numbers, or NaN."""
 
 
 def record_keys(study: Study, scans: str) -> dict[StudyTask, str]:
-    """Return a digest of everything that decides the record of each task.
+    """Return a digest of all inputs of each task, as the key of its record.
 
     Parameters
     ----------
     study : Study
     scans : str
-        What decides the points of the scans besides their names: a folder, or a seed.
+        Origin of the scans, such as a folder or a seed, which their names alone do not identify.
     """
     truths = {pair.name: _rows(pair.truth) for pair in study.pairs}
     settings = {name: repr(method) for name, method in study.methods.items()}
@@ -57,25 +57,25 @@ def record_keys(study: Study, scans: str) -> dict[StudyTask, str]:
 
 
 def stored_records(path: str | os.PathLike[str], study: Study, scans: str) -> Iterator[StudyRecord]:
-    """Yield the records of a study in their order; those in the file are not made again.
+    """Run a study and yield its records in order, reusing the records that the file has.
 
-    Each new record is written, and safe on disk, before it is yielded.
+    Each new record is written and synchronised to disk before it is yielded.
 
     Parameters
     ----------
     path : path-like
-        The file; created if it is not there. Two runs must not write one file at once.
+        The file; created if missing. Only one process at a time may write it.
     study, scans : Study, str
         As for `record_keys`.
 
     Raises
     ------
     FormatError
-        The file holds something else than records.
+        The file is not a file of records.
     """
     path = Path(path)
     keys = record_keys(study, scans)
-    stored = _read_and_mend(path)
+    stored = _read_and_truncate(path)
     known = {task: stored[key] for task, key in keys.items() if key in stored}
     with path.open("ab") as handle:
         for record in study.records(known):
@@ -87,44 +87,45 @@ def stored_records(path: str | os.PathLike[str], study: Study, scans: str) -> It
 
 
 def read_records(path: str | os.PathLike[str]) -> dict[str, StudyRecord]:
-    """Return the records of a file by their keys; of two with one key, the later.
+    """Read the records of a file, by key; of several with one key, the last.
 
     Raises
     ------
     FormatError
-        A line that is no record, by its number.
+        A line that is not a record; the message gives its number.
     """
     path = Path(path)
-    whole, _ = _split(path, path.read_bytes())
-    return _parsed(path, whole)
+    complete, _ = _split(path, path.read_bytes())
+    return _parsed(path, complete)
 
 
-def _read_and_mend(path: Path) -> dict[str, StudyRecord]:
+def _read_and_truncate(path: Path) -> dict[str, StudyRecord]:
+    """Read the records of a file and remove an incomplete last line from it."""
     if not path.exists():
         return {}
-    whole, torn = _split(path, path.read_bytes())
-    records = _parsed(path, whole)
-    if torn:
+    complete, rest = _split(path, path.read_bytes())
+    records = _parsed(path, complete)
+    if rest:
         with path.open("r+b") as handle:
-            handle.truncate(len(whole))
+            handle.truncate(len(complete))
     return records
 
 
 def _split(path: Path, data: bytes) -> tuple[bytes, bytes]:
-    """Return the whole lines, and what an interrupted writer left behind them."""
+    """Split the bytes of a file into complete lines and an incomplete last one."""
     end = data.rfind(b"\n") + 1
-    whole, torn = data[:end], data[end:]
-    # After a power failure, the part that was not yet on disk may read as zeros.
-    text = torn.rstrip(b"\0")
+    complete, rest = data[:end], data[end:]
+    # After a power failure, bytes that were not yet on disk may read as zeros.
+    text = rest.rstrip(b"\0")
     if not (text.startswith(_HEAD) or _HEAD.startswith(text)):
         raise malformed(
             path,
-            f"line {whole.count(10) + 1}",
+            f"line {complete.count(10) + 1}",
             expected="a record",
-            found=repr(torn[:20]),
+            found=repr(rest[:20]),
             remedy=_REMEDY,
         )
-    return whole, torn
+    return complete, rest
 
 
 def _parsed(path: Path, data: bytes) -> dict[str, StudyRecord]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput
-from scanlock.evaluation.box_plot import spread
+from scanlock.evaluation.box_plot import box_plot
 from scanlock.report.canvas import BLUE, FAINT, INK, VERMILION, blank_figure
 
 if TYPE_CHECKING:
@@ -90,13 +90,16 @@ def _draw_box(axes: "Axes", place: int, values: Vector) -> None:
     # Matplotlib's own box plot imports its state machine and looks for a screen.
     from matplotlib.patches import Rectangle
 
-    box = spread(values)
+    box = box_plot(values)
     left, right = place - _HALF_WIDTH, place + _HALF_WIDTH
-    height = box.upper - box.lower
+    height = box.upper_quartile - box.lower_quartile
     axes.add_patch(
-        Rectangle((left, box.lower), right - left, height, facecolor=_FILL, edgecolor=BLUE)
+        Rectangle((left, box.lower_quartile), right - left, height, facecolor=_FILL, edgecolor=BLUE)
     )
-    for start, end in ((box.lower, box.low), (box.upper, box.high)):
+    for start, end in (
+        (box.lower_quartile, box.lower_whisker),
+        (box.upper_quartile, box.upper_whisker),
+    ):
         axes.plot([place, place], [start, end], color=BLUE, linewidth=1.0)
         axes.plot([0.5 * (place + left), 0.5 * (place + right)], [end, end], color=BLUE, lw=1.0)
     axes.plot([left, right], [box.median, box.median], color=VERMILION, linewidth=1.6)

@@ -42,7 +42,7 @@ def test_another_world_frame_is_aligned_away(alignment):
     assert apart.translations.min() > 1.0
 
 
-def test_aligning_moves_the_estimate_as_one():
+def test_alignment_moves_the_estimate_rigidly():
     truth = _bend(10)
     world = Pose.from_step(np.array([3.0, -2.0, 1.0, 0.3, -0.2, 2.0]))
     moved = aligned([world @ pose for pose in truth], truth, "first")
@@ -50,13 +50,13 @@ def test_aligning_moves_the_estimate_as_one():
         assert pose.is_close(expected, translation=1e-12, rotation=1e-7)
 
 
-def test_the_way_is_as_long_as_its_steps():
+def test_path_length_is_the_sum_of_the_steps():
     np.testing.assert_allclose(path_lengths(_bend(4, 3.0)), np.hypot(3.0, 0.01) * np.arange(4))
     assert path_lengths([]).shape == (0,)
     np.testing.assert_array_equal(path_lengths(_bend(1)), [0.0])
 
 
-def test_aligning_all_positions_leaves_the_least_squares():
+def test_aligning_all_positions_minimises_the_squared_errors():
     truth = _bend()
     rng = np.random.default_rng(0)
     noisy = [Pose(p.rotation, p.translation + rng.normal(0.0, 0.1, 3)) for p in truth]
@@ -67,7 +67,7 @@ def test_aligning_all_positions_leaves_the_least_squares():
     assert squares[0] < min(squares[1:])
 
 
-def test_a_straight_drive_is_aligned_without_an_invented_turn_about_its_line():
+def test_alignment_of_a_straight_drive_adds_no_rotation_about_its_line():
     rng = np.random.default_rng(3)
     direction = np.array([1.0, 2.0, 0.3])
     truth = [Pose(np.eye(3), k * direction) for k in range(30)]
@@ -87,7 +87,7 @@ def _wandering(seed, count, step):
     return poses
 
 
-def _slipping(truth, seed):
+def _drifting(truth, seed):
     rng = np.random.default_rng(seed)
     poses = [truth[0]]
     for before, after in itertools.pairwise(truth):
@@ -96,7 +96,7 @@ def _slipping(truth, seed):
     return poses
 
 
-def _require_the_benchmarks_errors(estimate, truth):
+def _check_against_the_reference(estimate, truth):
     found = kitti_errors(estimate, truth)
     slow = segment_errors([pose.matrix for pose in estimate], [pose.matrix for pose in truth])
     assert len(slow) > 10
@@ -107,18 +107,18 @@ def _require_the_benchmarks_errors(estimate, truth):
     np.testing.assert_allclose(found.rotations / found.lengths, expected[:, 3], rtol=1e-6)
 
 
-def test_kitti_errors_are_those_of_the_benchmarks_description():
+def test_kitti_errors_agree_with_the_reference():
     truth = _wandering(0, 300, 1.3)
-    _require_the_benchmarks_errors(_slipping(truth, 1), truth)
+    _check_against_the_reference(_drifting(truth, 1), truth)
 
 
 @pytest.mark.data
-def test_kitti_errors_on_a_drive_of_the_benchmark(scan_data):
+def test_kitti_errors_agree_with_the_reference_on_a_benchmark_drive(scan_data):
     truth = read_kitti_poses(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
-    _require_the_benchmarks_errors(_slipping(truth, 2), truth)
+    _check_against_the_reference(_drifting(truth, 2), truth)
 
 
-def test_relative_errors_see_one_wrong_step_once():
+def test_one_wrong_motion_gives_one_relative_error():
     truth = _bend()
     slip = yaw_pose(0.1, (0.5, 0.0, 0.0))
     at = 20
@@ -130,29 +130,29 @@ def test_relative_errors_see_one_wrong_step_once():
     np.testing.assert_allclose(found.lengths, np.hypot(1.0, 0.01))
 
 
-def test_kitti_errors_of_a_scaled_drive_are_its_scale():
+def test_kitti_errors_of_a_scaled_trajectory_equal_its_scale_error():
     truth = [Pose(np.eye(3), np.array([2.0 * k, 0.0, 0.0])) for k in range(500)]
     estimate = [Pose(np.eye(3), 1.01 * pose.translation) for pose in truth]
     found = kitti_errors(estimate, truth)
     assert set(found.lengths) == {100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0}
     np.testing.assert_array_equal(np.unique(found.first % 10), [0])
-    # A length ends at the first pose beyond it: one step of 2 m farther here.
+    # A segment ends at the first pose beyond its length, here one step of 2 m farther.
     np.testing.assert_allclose(found.translations, 0.01 * (found.lengths + 2.0), rtol=1e-9)
     assert len(kitti_errors(truth[:40], truth[:40])) == 0
 
 
-def test_kitti_turns_are_counted_by_the_metre():
+def test_kitti_rotation_errors_grow_with_path_length():
     truth = [Pose(np.eye(3), np.array([1.0 * k, 0.0, 0.0])) for k in range(202)]
-    refinement_shift = [yaw_pose(1e-4 * k, tuple(p.translation)) for k, p in enumerate(truth)]
-    found = kitti_errors(refinement_shift, truth)
+    drifting = [yaw_pose(1e-4 * k, tuple(p.translation)) for k, p in enumerate(truth)]
+    found = kitti_errors(drifting, truth)
     assert len(found) > 0
     np.testing.assert_allclose(found.rotations, 1e-4 * (found.last - found.first), rtol=1e-6)
 
 
-def test_trajectories_that_do_not_fit_together_are_refused():
-    with pytest.raises(InvalidInput, match="as many poses, at least one, got 3 and 2"):
+def test_trajectories_of_unequal_length_are_refused():
+    with pytest.raises(InvalidInput, match="the same number of poses, at least one, got 3 and 2"):
         absolute_errors(_bend(3), _bend(2))
     with pytest.raises(InvalidInput, match="got 0 and 0"):
         kitti_errors([], [])
-    with pytest.raises(InvalidInput, match="apart must be below the 3 poses"):
+    with pytest.raises(InvalidInput, match="step must be below the number of poses, 3, got 3"):
         relative_errors(_bend(3), _bend(3), 3)

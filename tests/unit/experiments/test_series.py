@@ -107,7 +107,13 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     for number, path in enumerate(paths):
         path.parent.mkdir()
         write_scan(path, np.full((3, 3), float(number)))
-    sequence = ScanSequence("files", paths, np.arange(2.0), (), lambda path: read_scan(path).points)
+    sequence = ScanSequence(
+        title="files",
+        paths=paths,
+        times=np.arange(2.0),
+        poses=(),
+        load=lambda path: read_scan(path).points,
+    )
     series = series_of(sequence, title="t", origin="o")
     assert series.names == ("one/scan", "two/scan")
     assert np.asarray(series.load("two/scan"))[0, 0] == 1.0

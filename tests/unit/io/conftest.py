@@ -15,7 +15,7 @@ def _box_ranges(directions, half=(20.0, 12.0), floor=-1.7, ceiling=6.0):
 
 @pytest.fixture(scope="session")
 def room_scan():
-    """Return a maker of scans of a box-shaped room by a spinning lidar at the origin."""
+    """Return a function that simulates a scan of a box-shaped room by a spinning lidar."""
 
     def make(beams=16, steps=360, order="ring"):
         elevations = np.radians(np.linspace(-15.0, 15.0, beams))

@@ -8,7 +8,7 @@ import pytest
 from scanlock.io import atomic, atomic_file, read_labels, write_labels
 
 
-def test_writes_and_replaces(tmp_path):
+def test_files_are_written_and_replaced(tmp_path):
     path = tmp_path / "a.txt"
     for content in (b"one", b"two"):
         with atomic_file(path) as handle:
@@ -17,7 +17,7 @@ def test_writes_and_replaces(tmp_path):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_an_error_leaves_only_the_old_file(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"old")
 
@@ -32,7 +32,7 @@ def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_the_old_file_stands_until_the_new_one_is_complete(tmp_path):
+def test_the_old_file_stays_until_the_new_one_is_complete(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"old")
     with atomic_file(path) as handle:
@@ -43,7 +43,7 @@ def test_the_old_file_stands_until_the_new_one_is_complete(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes and links of POSIX file systems")
-def test_keeps_modes_and_follows_links(tmp_path):
+def test_modes_are_kept_and_links_followed(tmp_path):
     plain = tmp_path / "plain.txt"
     plain.touch()
     path = tmp_path / "a.txt"
@@ -60,7 +60,7 @@ def test_keeps_modes_and_follows_links(tmp_path):
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_says_which_folder_is_missing(tmp_path):
+def test_a_missing_folder_is_named(tmp_path):
     with (
         pytest.raises(FileNotFoundError, match="folder to write into"),
         atomic_file(tmp_path / "no" / "a.txt"),
@@ -70,7 +70,7 @@ def test_says_which_folder_is_missing(tmp_path):
         pass
 
 
-def test_a_name_may_be_as_long_as_the_file_system_takes(tmp_path):
+def test_names_of_the_maximum_length_are_written(tmp_path):
     path = tmp_path / ("\N{LATIN SMALL LETTER SHARP S}" * 125 + ".txt")
     with atomic_file(path) as handle:
         handle.write(b"1")
@@ -78,7 +78,7 @@ def test_a_name_may_be_as_long_as_the_file_system_takes(tmp_path):
 
 
 def _interrupted(path, moment):
-    """Write a file, interrupted before an instruction of the module; tell if there are so many."""
+    """Write a file, interrupted before an instruction; return whether it is reached."""
     left = moment
 
     def follow(frame, event, _):
@@ -106,7 +106,7 @@ def _interrupted(path, moment):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a file that is open cannot be removed there")
 @pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
-def test_an_interrupt_at_any_instruction_leaves_the_old_file_or_the_new_one(tmp_path):
+def test_an_interrupt_at_any_instruction_leaves_the_old_or_the_new_file(tmp_path):
     path = tmp_path / "a.txt"
     seen = []
     while True:
@@ -115,7 +115,7 @@ def test_an_interrupt_at_any_instruction_leaves_the_old_file_or_the_new_one(tmp_
             break
         assert os.listdir(tmp_path) == ["a.txt"]
         seen.append(path.read_bytes())
-    # First the old one, and from some instruction on the new one.
+    # The old file up to some instruction, and the new one after it.
     assert seen == sorted(seen, reverse=True)
     assert set(seen) == {b"old", b"new"}
     assert len(seen) > 100
@@ -125,7 +125,7 @@ _LABELS = 20_000
 _WRITERS = 8
 
 
-def _write_over_and_over(path, value, start):
+def _write_repeatedly(path, value, start):
     start.wait()
     for _ in range(25):
         write_labels(path, np.full(_LABELS, value))
@@ -135,13 +135,13 @@ def _write_over_and_over(path, value, start):
     "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
 )
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_of_eight_processes_that_write_one_file_each_time_one_wins(tmp_path):
+def test_concurrent_writers_leave_a_complete_file(tmp_path):
     path = tmp_path / "labels.npy"
     write_labels(path, np.zeros(_LABELS, np.int64))
     context = multiprocessing.get_context("fork")
     start = context.Barrier(_WRITERS)
     writers = [
-        context.Process(target=_write_over_and_over, args=(path, value, start))
+        context.Process(target=_write_repeatedly, args=(path, value, start))
         for value in range(_WRITERS)
     ]
     for writer in writers:

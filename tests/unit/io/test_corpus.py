@@ -1,4 +1,4 @@
-"""Files that once did harm to a reader, and a few thousand fresh ones."""
+"""Damaged files that once broke a reader, and a few thousand new ones."""
 
 import contextlib
 import pickle
@@ -16,12 +16,12 @@ _ROOT = Path(__file__).parents[3]
 _CORPUS = sorted(path for path in (_ROOT / "tests" / "corpus").glob("*/*") if path.is_file())
 
 
-def test_the_corpus_is_there():
+def test_the_corpus_is_complete():
     assert len(_CORPUS) >= 40
 
 
 @pytest.mark.parametrize("path", _CORPUS, ids=lambda path: f"{path.parent.name}-{path.name}")
-def test_what_once_did_harm_is_read_or_refused(path):
+def test_files_of_the_corpus_are_read_or_refused(path):
     reader = getattr(io, path.parent.name)
     with contextlib.suppress(ScanlockError):
         assert reader(path) is not None
@@ -30,19 +30,19 @@ def test_what_once_did_harm_is_read_or_refused(path):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("layers.laz", "layers and all"),
+        ("layers.laz", "that holds its layers"),
         ("chunk_size.laz", "found chunks of 4278240080"),
         ("no_items.laz", "found items of 0"),
     ],
 )
-def test_what_a_laz_file_cannot_hold_is_refused_before_room_is_made(name, message):
+def test_damaged_laz_sizes_are_refused_before_memory_is_allocated(name, message):
     pytest.importorskip("laspy")
     with pytest.raises(FormatError, match=message):
         io.read_scan(_ROOT / "tests" / "corpus" / "read_scan" / name)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits memory as Linux does")
-def test_thousands_of_damaged_files_do_no_harm(tmp_path):
+def test_randomly_damaged_files_raise_format_errors_only(tmp_path):
     command = [sys.executable, _ROOT / "benchmarks" / "fuzz_readers.py", "--inputs", "4400"]
     done = subprocess.run(
         [*command, "--seed", "7", "--keep", tmp_path], capture_output=True, text=True, check=False
@@ -51,7 +51,7 @@ def test_thousands_of_damaged_files_do_no_harm(tmp_path):
     assert done.stdout.count("| none |") == 22
 
 
-class _Trap:
+class _PickleTrap:
     """An object whose pickle writes a file when it is read."""
 
     def __init__(self, path):
@@ -64,22 +64,22 @@ class _Trap:
 @pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.bin", "a.txt", "a.pcd", "a.pkl"])
 def test_pickles_are_never_read(tmp_path, name):
     sprung, path = tmp_path / "sprung", tmp_path / name
-    trap = np.array([_Trap(sprung)], dtype=object)
+    trap = np.array([_PickleTrap(sprung)], dtype=object)
     if name.endswith(".npy"):
         np.save(path, trap, allow_pickle=True)
     elif name.endswith(".npz"):
         np.savez(path, points=trap)
     else:
-        path.write_bytes(pickle.dumps(_Trap(sprung)))
+        path.write_bytes(pickle.dumps(_PickleTrap(sprung)))
     for reader in (io.read_scan, io.read_pose, io.read_labels):
         with pytest.raises(ScanlockError):
             reader(path)
     assert not sprung.exists()
-    pickle.loads(pickle.dumps(_Trap(sprung))).close()
+    pickle.loads(pickle.dumps(_PickleTrap(sprung))).close()
     assert sprung.exists()
 
 
-def test_a_panic_of_the_decompressor_is_an_error_of_the_file(monkeypatch, tmp_path):
+def test_a_panic_of_the_decompressor_is_a_format_error(monkeypatch, tmp_path):
     laspy = pytest.importorskip("laspy")
     path = tmp_path / "a.las"
     io.write_scan(path, np.random.default_rng(0).uniform(-9.0, 9.0, (5, 3)))

@@ -15,7 +15,7 @@ def _describe(tmp_path, points, fields=None, **options):
     return describe_scan(tmp_path / "a.pcd")
 
 
-def test_counts_what_is_there(tmp_path, room_scan):
+def test_points_and_columns_are_counted(tmp_path, room_scan):
     points = room_scan(beams=8, steps=100)[:792]
     points[10] = np.nan
     points[11, 2] = np.inf
@@ -37,15 +37,16 @@ def test_counts_what_is_there(tmp_path, room_scan):
     assert found.median_range == pytest.approx(np.median(ranges))
     assert found.max_range == pytest.approx(ranges.max())
     distinct = np.unique(usable, axis=0)
-    gaps = np.linalg.norm(distinct[:, None] - distinct, axis=2) + np.diag([np.inf] * len(distinct))
-    assert found.spacing == pytest.approx(np.median(gaps.min(1)))
+    distances = np.linalg.norm(distinct[:, None] - distinct, axis=2)
+    distances += np.diag([np.inf] * len(distinct))
+    assert found.spacing == pytest.approx(np.median(distances.min(1)))
     assert not found.large_coordinates
     assert [field.name for field in found.fields] == ["ring", "intensity"]
     assert (found.fields[0].minimum, found.fields[0].maximum) == (0, 7)
     assert math.isnan(found.fields[1].minimum)
 
 
-def test_guesses_stand_apart_in_plain_json(tmp_path, room_scan):
+def test_guesses_are_a_separate_object_in_json(tmp_path, room_scan):
     fields = {"time": np.linspace(0, 0.1, 5760), "n": np.full((5760, 2), np.nan)}
     found = _describe(tmp_path, room_scan(), fields).as_dict()
     again = json.loads(json.dumps(found, allow_nan=False))
@@ -62,7 +63,7 @@ def test_guesses_stand_apart_in_plain_json(tmp_path, room_scan):
     }
 
 
-def test_map_coordinates_are_found_and_an_origin_offered(tmp_path, room_scan):
+def test_map_coordinates_are_detected_and_given_an_origin(tmp_path, room_scan):
     origin = np.array([512_345.0, 5_403_210.0, 120.0])
     near, far = room_scan(), room_scan() + origin
     found = _describe(tmp_path, far)
@@ -70,11 +71,14 @@ def test_map_coordinates_are_found_and_an_origin_offered(tmp_path, room_scan):
     assert np.abs(np.array(found.origin) - origin).max() < 20
     assert found.spacing == pytest.approx(_describe(tmp_path, near).spacing, rel=1e-4)
     write_scan(tmp_path / "b.pcd", far.astype(np.float32))
-    assert any("float32 keeps these" in note for note in describe_scan(tmp_path / "b.pcd").notes)
+    assert any(
+        "float32 rounds these coordinates" in note
+        for note in describe_scan(tmp_path / "b.pcd").notes
+    )
     assert _describe(tmp_path, near.astype(np.float32)).notes == ()
 
 
-def test_a_few_whole_numbers_in_a_fourth_column_look_like_labels(tmp_path, room_scan):
+def test_few_whole_numbers_in_a_fourth_column_are_noted_as_possible_labels(tmp_path, room_scan):
     points = room_scan().astype(np.float32)
     write_scan(tmp_path / "a.bin", points, {"intensity": np.arange(5760) % 3})
     assert "labels rather than intensities" in describe_scan(tmp_path / "a.bin").notes[-1]
@@ -100,21 +104,21 @@ def test_beams_are_counted_in_any_order_of_points(room_scan, beams, order):
     points = room_scan(beams=beams, order=order)
     if order == "shuffled":
         points = np.random.default_rng(0).permutation(points)
-    assert guess_sensor(points, None, 1) == f"spinning lidar, about {beams} beams in sight"
+    assert guess_sensor(points, None, 1) == f"spinning lidar, about {beams} beams"
     settings = guess_settings(points)
     assert settings.method in METHODS
     assert 20 <= settings.max_range <= 30
 
 
-def test_counted_rings_are_believed(room_scan):
+def test_ring_numbers_and_rows_give_the_number_of_beams(room_scan):
     points = room_scan()
     assert "about 12 beams" in guess_sensor(points, 12, 1)
     assert "about 24 beams" in guess_sensor(points, None, 24)
     front = points[points[:, 0] > np.abs(points[:, 1])]
-    assert guess_sensor(front, 16, 1) == "lidar with about 16 beams in sight, 90 degrees wide"
+    assert guess_sensor(front, 16, 1) == "lidar with about 16 beams, 90 degrees wide"
 
 
-def test_a_moving_sensor_still_shows_its_beams(room_scan):
+def test_beams_of_a_moving_sensor_are_counted(room_scan):
     points = room_scan(beams=32, steps=900, order="column")
     tilt = np.linspace(0.0, np.radians(1.0), len(points))
     moved = points.copy()
@@ -125,13 +129,13 @@ def test_a_moving_sensor_still_shows_its_beams(room_scan):
     assert 24 <= int(found.split()[3]) <= 40
 
 
-def test_tiles_and_clouds_without_a_sensor_are_told_apart():
+def test_map_tiles_and_merged_clouds_are_distinguished():
     rng = np.random.default_rng(4)
     tile = rng.random((20_000, 3)) * [200.0, 200.0, 8.0] - [100.0, 100.0, 4.0]
-    assert guess_sensor(tile, None, 1) == "airborne or map tile"
+    assert guess_sensor(tile, None, 1) == "airborne scan or map tile"
     blob = rng.normal(size=(20_000, 3)) * [10.0, 10.0, 2.0]
-    assert guess_sensor(blob, None, 1).startswith("rotating scanner seen from elsewhere")
-    assert guess_sensor(rng.normal(size=(60, 3)) * 20, None, 1) == "not evident"
+    assert guess_sensor(blob, None, 1).startswith("scanner away from the origin")
+    assert guess_sensor(rng.normal(size=(60, 3)) * 20, None, 1) == "unknown"
 
 
 @pytest.mark.parametrize(
@@ -152,7 +156,7 @@ def test_tiles_and_clouds_without_a_sensor_are_told_apart():
         ("time", np.full(50, np.nan), "unknown", None, "relative"),
     ],
 )
-def test_units_of_time(name, values, unit, span, clock):
+def test_the_unit_of_times_is_guessed(name, values, unit, span, clock):
     found = guess_time(name, values)
     assert (found.unit, found.clock) == (unit, clock)
     assert found.span == (span if span is None else pytest.approx(span, rel=1e-6))
@@ -166,8 +170,8 @@ def test_the_column_of_times_is_found_by_its_name(tmp_path, room_scan):
 
 
 @pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 100.0])
-def test_voxels_follow_the_density_of_the_points(size):
+def test_the_guessed_voxel_size_follows_the_density_of_the_points(size):
     grid = np.stack(np.meshgrid(*[np.arange(24.0)] * 2), -1).reshape(-1, 2) + 0.5
     points = np.column_stack([grid * size, np.full(576, 0.5 * size)])
-    # Six points fill a cell of a plane three spacings wide, not one of two.
+    # In a plane, a voxel of three spacings holds nine points, one of two spacings four.
     assert guess_settings(points).voxel_size == pytest.approx(3 * size)

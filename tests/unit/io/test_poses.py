@@ -28,7 +28,7 @@ def _close(a, b):
     return a.is_close(b, translation=1e-9, rotation=1e-12)
 
 
-def test_a_written_pose_reads_back_to_the_last_digit(tmp_path):
+def test_poses_round_trip_to_the_last_digit(tmp_path):
     write_pose(tmp_path / "a.txt", _POSE)
     lines = (tmp_path / "a.txt").read_text().splitlines()
     assert np.array_equal([[float(word) for word in line.split()] for line in lines], _MATRIX)
@@ -54,12 +54,12 @@ def test_a_written_pose_reads_back_to_the_last_digit(tmp_path):
     ],
 )
 @pytest.mark.parametrize("name", ["a.txt", "a.pose"])
-def test_reads_a_pose_in_every_shape(save, text, name):
+def test_a_pose_is_read_from_every_layout_of_text(save, text, name):
     assert _close(read_pose(save(name, text)), _POSE)
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (16,)])
-def test_reads_a_pose_from_json_and_numpy(tmp_path, shape):
+def test_a_pose_is_read_from_json_and_numpy(tmp_path, shape):
     (tmp_path / "a.json").write_text(json.dumps(_MATRIX.reshape(shape).tolist()))
     np.save(tmp_path / "a.npy", _MATRIX.reshape(shape))
     assert _close(read_pose(tmp_path / "a.json"), _POSE)
@@ -67,7 +67,7 @@ def test_reads_a_pose_from_json_and_numpy(tmp_path, shape):
 
 
 @pytest.mark.parametrize("rows", [3, 4])
-def test_a_matrix_is_read_as_it_stands_and_a_pose_mended(save, rows):
+def test_a_matrix_is_read_unchanged_and_a_pose_corrected(save, rows):
     printed = _MATRIX.round(3)
     path = save("a.txt", _text(printed[:rows]))
     np.testing.assert_array_equal(read_pose_matrix(path), printed)
@@ -103,13 +103,13 @@ def test_a_matrix_is_read_as_it_stands_and_a_pose_mended(save, rows):
         ("a.npy", b"\x93NUMPY\1\0", "NumPy"),
     ],
 )
-def test_names_what_is_wrong_with_a_pose(save, name, text, complaint):
+def test_errors_name_the_invalid_content_of_a_pose(save, name, text, complaint):
     for read in (read_pose, read_pose_matrix):
         with pytest.raises(FormatError, match=complaint):
             read(save(name, text))
 
 
-def test_missing_files_are_missing(tmp_path):
+def test_missing_files_are_refused(tmp_path):
     for read in (read_pose, read_pose_matrix, read_kitti_poses, read_tum_poses):
         with pytest.raises(FileNotFoundError, match="no such"):
             read(tmp_path / "no.txt")
@@ -131,7 +131,7 @@ def test_tum_round_trip(tmp_path):
     assert all(map(_close, poses, _POSES))
 
 
-def test_tum_puts_the_scalar_last(save):
+def test_tum_quaternions_have_the_scalar_last(save):
     half = np.sqrt(0.5)
     stamps, poses = read_tum_poses(save("a.txt", f"# t x y z q\n2.5 1 2 3 0 0 {half} {half}\n"))
     assert stamps.tolist() == [2.5]
@@ -155,12 +155,12 @@ def test_tum_puts_the_scalar_last(save):
         (read_tum_poses, "0 1 2 3 0 0 0\n", "line 1: expected 8 numbers, found 7"),
     ],
 )
-def test_names_the_line_of_a_trajectory_that_is_wrong(save, read, text, complaint):
+def test_errors_name_the_invalid_line_of_a_trajectory(save, read, text, complaint):
     with pytest.raises(FormatError, match=complaint):
         read(save("a.txt", text))
 
 
-def test_writers_refuse_what_is_no_trajectory(tmp_path):
+def test_invalid_trajectories_are_not_written(tmp_path):
     with pytest.raises(InvalidInput, match="at least one pose"):
         write_kitti_poses(tmp_path / "a.txt", [])
     with pytest.raises(InvalidInput, match="3 finite numbers"):

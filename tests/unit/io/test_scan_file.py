@@ -19,7 +19,7 @@ def _scan(**changes):
     return ScanFile(**(parts | changes))
 
 
-def test_is_frozen_without_freezing_what_it_was_made_of():
+def test_arrays_are_read_only_and_those_of_the_caller_are_not():
     points, ring = np.zeros((4, 3)), np.arange(4)
     scan = _scan(points=points, fields={"ring": ring})
     points[0] = 1.0
@@ -32,14 +32,14 @@ def test_is_frozen_without_freezing_what_it_was_made_of():
         scan.fields["more"] = ring
 
 
-def test_has_a_length_and_a_shape():
+def test_length_width_and_height():
     scan = _scan()
     assert (len(scan), scan.width, scan.height) == (4, 4, 1)
     organised = _scan(width=2, height=2)
     assert (len(organised), organised.width, organised.height) == (4, 2, 2)
 
 
-def test_pickles():
+def test_scans_can_be_pickled():
     scan = _scan(width=2, height=2)
     again = pickle.loads(pickle.dumps(scan))
     assert np.array_equal(again.points, scan.points)
@@ -61,6 +61,6 @@ def test_pickles():
         ({"fields": {"x": np.arange(4)}}, "must not be named x"),
     ],
 )
-def test_refuses_what_does_not_belong_together(changes, complaint):
+def test_inconsistent_contents_are_refused(changes, complaint):
     with pytest.raises(InvalidInput, match=complaint):
         _scan(**changes)

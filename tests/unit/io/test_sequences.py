@@ -6,7 +6,7 @@ from reference.samples import street, yaw_pose
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
-from scanlock.io.formats.ford import VEHICLE_FROM_LASER, read_ford_scan
+from scanlock.io.datasets.ford import VEHICLE_FROM_LASER, read_ford_scan
 from scanlock.io.sequences import open_sequence, read_trajectory
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
@@ -20,26 +20,26 @@ def _fill(folder, count=12, ending=".bin"):
         write_scan(folder / f"{k}{ending}", points)
 
 
-def test_a_plain_folder_is_in_natural_order(tmp_path):
+def test_files_of_a_plain_folder_are_in_natural_order(tmp_path):
     _fill(tmp_path / "drive", ending=".ply")
     (tmp_path / "drive" / "notes.txt").write_text("1 2 3\n")
     found = open_sequence(tmp_path / "drive")
     assert found.names == tuple(str(k) for k in range(12))
     assert found.poses == ()
     np.testing.assert_array_equal(found.times, np.arange(12.0))
-    # The row at (0, 0, 0) is no return.
+    # The row at (0, 0, 0) is removed.
     np.testing.assert_array_equal(found.scan(10), np.full((4, 3), 11.0))
 
 
-def test_files_that_are_no_scans_of_the_folder_are_left_out(tmp_path):
+def test_hidden_and_incomplete_files_are_skipped(tmp_path):
     _fill(tmp_path / "drive", 3)
-    (tmp_path / "drive" / "._0.bin").write_bytes(b"what another system notes")
+    (tmp_path / "drive" / "._0.bin").write_bytes(b"metadata")
     (tmp_path / "drive" / ".3.bin.1f.part").write_bytes(b"half a scan")
     (tmp_path / "drive" / "01.bin").write_bytes((tmp_path / "drive" / "1.bin").read_bytes())
     assert open_sequence(tmp_path / "drive").names == ("0", "01", "1", "2")
 
 
-def test_every_third_of_them_at_most_three(tmp_path):
+def test_sequences_are_subsampled(tmp_path):
     _fill(tmp_path / "drive")
     write_kitti_poses(tmp_path / "poses.txt", _POSES)
     found = open_sequence(tmp_path / "drive", tmp_path / "poses.txt", every=3, count=3)
@@ -47,7 +47,7 @@ def test_every_third_of_them_at_most_three(tmp_path):
     for pose, row in zip(found.poses, (0, 3, 6), strict=True):
         assert pose.is_close(_POSES[row], translation=1e-12, rotation=1e-7)
     np.testing.assert_array_equal(found.times, [0.0, 3.0, 6.0])
-    assert len(found.taken(2)) == 2
+    assert len(found.subsampled(2)) == 2
     with pytest.raises(InvalidInput, match="every must be a whole number of at least 1"):
         open_sequence(tmp_path / "drive", every=0)
 
@@ -76,7 +76,7 @@ def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path, monkeypatch):
     assert open_sequence(".").poses == found.poses
 
 
-def test_a_part_of_a_kitti_drive_has_the_poses_and_times_of_its_numbers(tmp_path):
+def test_missing_kitti_scans_leave_the_poses_and_times_of_the_others(tmp_path):
     folder = _fill_odometry(tmp_path)
     whole = open_sequence(folder)
     for number in (0, 1, 5, 11):
@@ -95,18 +95,18 @@ def test_a_part_of_a_kitti_drive_has_the_poses_and_times_of_its_numbers(tmp_path
         ("calib.txt", "Tr: 1 0 0\n", "Tr: expected 12 numbers of a rigid motion"),
         ("calib.txt", "Tr: 2 0 0 0 0 1 0 0 0 0 1 0\n", "Tr: expected 12 numbers of a rigid"),
         ("times.txt", "0.0\nnoon\n", "times.txt: line 2"),
-        ("times.txt", "nan\n", "expected a finite time a line"),
+        ("times.txt", "nan\n", "expected a finite time per line"),
         ("../../poses/07.txt", "1 0 0 0\n", "07.txt: line 1"),
     ],
 )
-def test_what_is_broken_beside_kitti_scans_is_named(tmp_path, name, content, message):
+def test_damaged_kitti_metadata_is_named(tmp_path, name, content, message):
     folder = _fill_odometry(tmp_path)
     (folder / name).write_text(content)
     with pytest.raises(FormatError, match=message):
         open_sequence(folder)
 
 
-def test_kitti_raw_has_the_times_of_its_rows(tmp_path):
+def test_kitti_raw_has_the_times_of_its_scans(tmp_path):
     data = tmp_path / "drive" / "velodyne_points" / "data"
     _fill(data, 3)
     stamps = data.parent / "timestamps.txt"
@@ -119,7 +119,7 @@ def test_kitti_raw_has_the_times_of_its_rows(tmp_path):
         open_sequence(tmp_path / "drive")
 
 
-def test_what_simulate_writes_comes_back(tmp_path):
+def test_simulated_sequences_are_read(tmp_path):
     _fill(tmp_path / "sim" / "scans")
     times = 0.25 * np.arange(12)
     write_tum_poses(tmp_path / "sim" / "poses_tum.txt", times, _POSES)
@@ -129,11 +129,11 @@ def test_what_simulate_writes_comes_back(tmp_path):
 
 
 def _ford_file(path, points, pose, time):
-    # World and vehicle have their z downwards; the heading is the last of the six.
+    # World and vehicle have z down; the heading is the last of the six numbers.
     savemat(path, {"SCAN": {"XYZ": points.T, "X_wv": pose[:, None], "timestamp_laser": time}})
 
 
-def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
+def test_ford_poses_have_z_up_and_follow_the_vehicle(tmp_path):
     folder = tmp_path / "ford" / "SCANS"
     folder.mkdir(parents=True)
     scan = street(1, 500)
@@ -147,15 +147,15 @@ def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
         np.testing.assert_allclose(found.times, [3.0, 4.0])
         np.testing.assert_array_equal(found.scan(1), scan)
     first, second = found.poses
-    # The world is turned over: z up, x where the vehicle headed, the laser above it by 2.3 m.
+    # World with z up, x along the first heading; the laser is 2.3 m above the vehicle.
     np.testing.assert_allclose(first.rotation @ [0, 0, 1], [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(first.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(first.translation, [2.4, 0.01, 2.3], atol=1e-12)
-    # The laser looks with its y where the vehicle looks with its x, and with z up, not down.
+    # The laser has y ahead and z up, the vehicle x ahead and z down.
     np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-12)
     np.testing.assert_allclose(VEHICLE_FROM_LASER.rotation @ [0, 0, 1], [0, 0, -1], atol=1e-12)
     between = first.inverse() @ second
-    # Two metres ahead, one to the right, a little up; then a quarter turn to the right.
+    # Two metres ahead, one to the right, slightly up; then a quarter turn to the right.
     rotation_scale = VEHICLE_FROM_LASER.rotation.T @ (
         np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]) @ VEHICLE_FROM_LASER.translation
         - VEHICLE_FROM_LASER.translation
@@ -164,7 +164,7 @@ def test_ford_scans_are_upright_and_move_as_the_vehicle_does(tmp_path):
     np.testing.assert_allclose(between.rotation @ [0, 1, 0], [1, 0, 0], atol=1e-9)
 
 
-def test_ford_scans_that_are_left_out_are_not_read(tmp_path):
+def test_skipped_ford_scans_are_not_read(tmp_path):
     scan = street(1, 500)
     scan[7] = 0.0
     for k in range(5):
@@ -174,7 +174,7 @@ def test_ford_scans_that_are_left_out_are_not_read(tmp_path):
     found = open_sequence(tmp_path, every=2, count=2)
     assert found.names == ("Scan0000", "Scan0002")
     assert len(found.poses) == 2
-    # The row at (0, 0, 0) is no return.
+    # The row at (0, 0, 0) is removed.
     np.testing.assert_array_equal(found.scan(1), np.delete(scan, 7, axis=0))
     given = open_sequence(tmp_path, tmp_path / "poses.txt", every=2)
     assert given.poses[1].is_close(_POSES[2], translation=1e-12, rotation=1e-7)
@@ -190,7 +190,7 @@ def test_ford_scans_that_are_left_out_are_not_read(tmp_path):
         ({"SCAN": {"XYZ": np.zeros((3, 4))}}, "the field X_wv"),
         (
             {"SCAN": {"XYZ": np.zeros((4, 3)), "X_wv": np.zeros(6), "timestamp_laser": 1.0}},
-            r"expected XYZ \(3, n\)",
+            r"expected XYZ of shape \(3, n\)",
         ),
         (
             {"SCAN": {"XYZ": np.eye(3), "X_wv": np.full(6, np.nan), "timestamp_laser": 1.0}},
@@ -198,19 +198,19 @@ def test_ford_scans_that_are_left_out_are_not_read(tmp_path):
         ),
     ],
 )
-def test_a_mat_file_that_is_no_scan_says_what_is_missing(tmp_path, content, message):
+def test_mat_files_without_a_scan_are_refused(tmp_path, content, message):
     savemat(tmp_path / "Scan0001.mat", content)
     with pytest.raises(FormatError, match=message):
         read_ford_scan(tmp_path / "Scan0001.mat")
 
 
-def test_a_file_that_is_not_matlabs_is_refused(tmp_path):
+def test_files_that_are_not_matlab_are_refused(tmp_path):
     (tmp_path / "Scan0001.mat").write_bytes(b"MATLAB? no, something else" * 20)
     with pytest.raises(FormatError, match="expected a MATLAB file"):
         open_sequence(tmp_path)
 
 
-def test_folders_without_a_sequence_say_what_is_expected(tmp_path):
+def test_folders_without_scans_are_refused_with_the_layouts(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such folder"):
         open_sequence(tmp_path / "nowhere")
     with pytest.raises(FormatError, match="found no scan files"):
@@ -221,14 +221,14 @@ def test_folders_without_a_sequence_say_what_is_expected(tmp_path):
         open_sequence(tmp_path / "mixed")
 
 
-def test_poses_must_be_as_many_as_scans(tmp_path):
+def test_another_number_of_poses_than_scans_is_refused(tmp_path):
     _fill(tmp_path / "drive")
     write_kitti_poses(tmp_path / "poses.txt", _POSES[:5])
     with pytest.raises(FormatError, match="a pose for each of the 12 scans, found 5"):
         open_sequence(tmp_path / "drive", tmp_path / "poses.txt")
 
 
-def test_trajectories_of_either_format_are_read(tmp_path):
+def test_trajectories_are_read_in_both_formats(tmp_path):
     write_kitti_poses(tmp_path / "k.txt", _POSES)
     write_tum_poses(tmp_path / "t.txt", np.arange(12.0), _POSES)
     times, poses = read_trajectory(tmp_path / "k.txt")

@@ -12,13 +12,13 @@ TRUTH = yaw_pose(0.4, (3.0, -1.0, 0.5))
 CENTRE = np.array([40.0, -20.0, 3.0])
 
 
-def test_the_identity_needs_no_truth():
+def test_identity_starts_need_no_true_pose():
     plan = FromIdentity()
     [name] = plan.names
     assert plan.pose(name, "a b", None, CENTRE) == Pose.identity()
 
 
-def test_a_displaced_start_is_a_source_that_was_moved_about_its_middle():
+def test_displaced_starts_rotate_about_the_centre_of_the_source():
     motion = yaw_pose(0.3, (1.0, 2.0, 3.0))
     plan = Displaced(motions={"none": Pose.identity(), "far": motion})
     assert plan.names == ("none", "far")
@@ -29,7 +29,7 @@ def test_a_displaced_start_is_a_source_that_was_moved_about_its_middle():
     np.testing.assert_array_equal(start.rotation, motion.rotation)
 
 
-def test_the_rule_of_displaced_starts_tells_their_motions():
+def test_the_rule_of_displaced_starts_identifies_their_motions():
     rules = {
         Displaced(motions={"far": yaw_pose(angle, (1.0, 2.0, 3.0))}).rule
         for angle in (0.3, 0.3, 0.4)
@@ -37,13 +37,13 @@ def test_the_rule_of_displaced_starts_tells_their_motions():
     assert len(rules) == 2
 
 
-def test_no_motion_is_no_plan():
+def test_a_plan_without_motions_is_refused():
     with pytest.raises(InvalidInput, match="motions must hold at least one start"):
         Displaced(motions={})
 
 
 @pytest.mark.parametrize("axis", ["vertical", "random"])
-def test_starts_err_by_exactly_what_they_say_in_the_middle_of_the_source(axis):
+def test_starts_have_exactly_the_given_errors_at_the_centre_of_the_source(axis):
     plan = AroundTruth(distances=(0.0, 2.0), angles=(0.0, 0.5, math.pi), repeats=2, axis=axis)
     assert len(plan.names) == len(set(plan.names)) == 12
     for name, level in plan.levels.items():
@@ -51,7 +51,7 @@ def test_starts_err_by_exactly_what_they_say_in_the_middle_of_the_source(axis):
         assert pose_errors(start, TRUTH, CENTRE) == pytest.approx(level, abs=1e-7)
 
 
-def test_vehicles_err_about_the_vertical_and_others_in_any_direction():
+def test_perturbations_are_about_the_vertical_or_in_random_directions():
     levels = {"distances": (5.0,), "angles": (1.0,), "repeats": 20}
     tilts, rises = {}, {}
     for axis in ("vertical", "random"):
@@ -63,7 +63,7 @@ def test_vehicles_err_about_the_vertical_and_others_in_any_direction():
     assert rises["vertical"] < 1.0 < rises["random"]
 
 
-def test_a_start_depends_on_seed_pair_and_name_alone():
+def test_a_start_depends_only_on_seed_pair_and_name():
     few = AroundTruth(distances=(2.0,), angles=(0.3,), repeats=1)
     many = AroundTruth(distances=(1.0, 2.0, 3.0), angles=(0.0, 0.3), repeats=3)
     [name] = few.names
@@ -77,11 +77,11 @@ def test_a_start_depends_on_seed_pair_and_name_alone():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"distances": ()}, "distances must grow"),
-        ({"distances": (2.0, 1.0)}, "distances must grow"),
-        ({"angles": (0.0, 0.0)}, "angles must grow"),
+        ({"distances": ()}, "distances must be strictly ascending"),
+        ({"distances": (2.0, 1.0)}, "distances must be strictly ascending"),
+        ({"angles": (0.0, 0.0)}, "angles must be strictly ascending"),
         ({"angles": (-0.1,)}, "angles must be at least 0"),
-        ({"angles": (4.0,)}, "at most half a turn"),
+        ({"angles": (4.0,)}, "angles must be at most pi rad"),
         ({"distances": (math.inf,)}, "distances must be at least 0"),
         ({"repeats": 0}, "repeats must be a whole number"),
         ({"seed": -1}, "seed must be a whole number"),
@@ -93,7 +93,7 @@ def test_settings_out_of_range_are_refused(settings, message):
         AroundTruth(**settings)
 
 
-def test_starts_about_a_truth_that_is_not_known_are_refused():
+def test_starts_around_an_unknown_truth_are_refused():
     plan = AroundTruth()
-    with pytest.raises(InvalidInput, match="a b has none"):
+    with pytest.raises(InvalidInput, match="got none for the pair a b"):
         plan.pose(plan.names[0], "a b", None, CENTRE)

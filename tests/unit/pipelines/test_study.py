@@ -18,12 +18,12 @@ METHOD = METHODS["sgc-ndt-d2d"]
 
 @pytest.fixture(scope="module")
 def scans():
-    """Three looks at one street, each a step further."""
-    moved = Pose.identity()
+    """Three scans of one street, each a step further."""
+    pose = Pose.identity()
     found = {}
     for seed, name in enumerate(NAMES, start=1):
-        found[name] = moved.inverse().apply(street(seed))
-        moved = moved @ STEP
+        found[name] = pose.inverse().apply(street(seed))
+        pose = pose @ STEP
     return found
 
 
@@ -36,7 +36,7 @@ def _study(scans, **changes):
     return Study(**(defaults | changes))
 
 
-def test_records_come_in_the_order_of_the_tasks_with_errors_to_the_truth(scans):
+def test_records_have_the_order_of_the_tasks_and_errors_to_the_truth(scans):
     study = _study(scans, methods={"d2d": METHOD, "p2d": METHODS["sgc-ndt-p2d"]})
     tasks = list(study.tasks())
     assert tasks[1] == StudyTask("a b", "p2d", "identity")
@@ -54,7 +54,7 @@ def test_records_come_in_the_order_of_the_tasks_with_errors_to_the_truth(scans):
         assert math.isnan(record.mean_distance)
 
 
-def test_a_record_is_handed_out_before_the_next_pair_is_loaded(scans):
+def test_a_record_is_yielded_before_the_next_pair_is_loaded(scans):
     loaded = []
 
     def load(name):
@@ -66,11 +66,11 @@ def test_a_record_is_handed_out_before_the_next_pair_is_loaded(scans):
     next(records)
     assert loaded == ["a", "b"]
     assert len(list(records)) == 1
-    # The scan that both pairs share was kept.
+    # The scan that both pairs share is loaded once.
     assert loaded == ["a", "b", "c"]
 
 
-def test_known_records_are_handed_out_again_without_loading_a_scan(scans):
+def test_known_records_are_yielded_without_loading_a_scan(scans):
     study = _study(scans)
     first, second = study.records()
 
@@ -83,7 +83,7 @@ def test_known_records_are_handed_out_again_without_loading_a_scan(scans):
     assert again == [replace(first, reason="known"), second]
 
 
-def test_starts_about_the_truth_are_on_record(scans):
+def test_records_hold_their_initial_poses(scans):
     plan = AroundTruth(distances=(1.0,), angles=(0.0, 0.2))
     study = _study(scans, pairs=_pairs()[:1], starts=plan)
     records = list(study.records())
@@ -94,14 +94,14 @@ def test_starts_about_the_truth_are_on_record(scans):
         assert record.is_solved(0.1, 0.01)
 
 
-def test_without_a_truth_there_are_no_errors_and_nothing_is_solved(scans):
+def test_without_a_truth_errors_are_nan_and_no_record_is_solved(scans):
     record = next(_study(scans, pairs=_pairs(truth=None)).records())
     assert record.ok
     assert math.isnan(record.translation_error)
     assert not record.is_solved(10.0, 3.0)
 
 
-def test_a_broken_scan_fails_its_pairs_and_no_others(scans):
+def test_an_invalid_scan_fails_only_its_own_pairs(scans):
     def load(name):
         return np.full((10, 3), np.nan) if name == "c" else scans[name]
 
@@ -111,7 +111,7 @@ def test_a_broken_scan_fails_its_pairs_and_no_others(scans):
     assert "scan c holds no finite point" in bad.reason
 
 
-def test_an_empty_place_is_bad_luck_and_not_a_failure(scans):
+def test_scans_without_correspondences_are_a_status_not_a_failure(scans):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
     record = next(_study(scans, load=lambda _: flat).records())
     assert record.status == Status.NO_CORRESPONDENCES.value
@@ -119,7 +119,7 @@ def test_an_empty_place_is_bad_luck_and_not_a_failure(scans):
     assert math.isnan(record.overlap)
 
 
-def test_errors_that_are_not_of_the_input_are_not_swallowed(scans, monkeypatch):
+def test_errors_other_than_scanlock_errors_are_raised(scans, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError
 
@@ -128,7 +128,7 @@ def test_errors_that_are_not_of_the_input_are_not_swallowed(scans, monkeypatch):
         next(_study(scans).records())
 
 
-def test_map_coordinates_are_told_apart_in_the_middle_of_the_source(scans):
+def test_errors_in_map_coordinates_are_taken_at_the_centre_of_the_source(scans):
     far = np.array([4e5, 5e6, 100.0])
     shift = Pose(np.eye(3), far)
     pair = StudyPair(target="a", source="b", truth=shift @ STEP @ shift.inverse())
@@ -138,20 +138,20 @@ def test_map_coordinates_are_told_apart_in_the_middle_of_the_source(scans):
     assert record.is_solved(0.1, 0.01)
     assert np.abs(record.centre - far).max() < 30.0
     metres, radians = record.translation_error, record.rotation_error
-    assert record.judged_by(None).judged_by(pair.truth) == record
+    assert record.with_truth(None).with_truth(pair.truth) == record
     lifted = Pose(np.eye(3), np.array([0.0, 0.0, 2.0])) @ pair.truth
-    other = record.judged_by(lifted)
+    other = record.with_truth(lifted)
     assert other.translation_error == pytest.approx(2.0, abs=metres)
     assert other.rotation_error == pytest.approx(radians, abs=1e-7)
 
 
 @pytest.mark.parametrize("changes", [{"methods": {}}, {"pairs": []}, {"pairs": _pairs()[:1] * 2}])
-def test_names_must_tell_things_apart(scans, changes):
-    with pytest.raises(InvalidInput, match="must have a name each"):
+def test_empty_or_duplicate_names_are_refused(scans, changes):
+    with pytest.raises(InvalidInput, match="must be unique and at least one"):
         _study(scans, **changes)
 
 
-def test_settings_of_ones_own_are_methods_too(scans):
+def test_methods_with_custom_settings_are_accepted(scans):
     study = _study(scans, methods={"mine": SgcNdt(voxel_size=1.0)}, pairs=_pairs()[:1])
     [record] = study.records()
     assert record.task.method == "mine"

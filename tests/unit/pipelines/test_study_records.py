@@ -20,7 +20,7 @@ METHOD = METHODS["sgc-ndt-d2d"]
 
 @pytest.fixture(scope="module")
 def study():
-    """Two pairs of which the second has a scan without a point."""
+    """Two pairs, the second with a scan without finite points."""
     scans = {
         "a": street(1),
         "b": STEP.inverse().apply(street(2)),
@@ -32,7 +32,7 @@ def study():
 
 @pytest.fixture
 def counted(monkeypatch):
-    """The number of registrations done, as a list of one."""
+    """List with one item: the number of registrations."""
     done = [0]
     real = study_module.register
 
@@ -44,24 +44,20 @@ def counted(monkeypatch):
     return done
 
 
-def _stripped(record):
-    return replace(record, seconds=math.nan)
-
-
-def test_records_come_back_with_every_digit(study, tmp_path):
+def test_records_round_trip_with_every_digit(study, tmp_path):
     path = tmp_path / "records.jsonl"
-    made = list(stored_records(path, study, "here"))
-    assert [record.status for record in made] == ["ok", FAILED]
+    new = list(stored_records(path, study, "here"))
+    assert [record.status for record in new] == ["ok", FAILED]
     read = read_records(path)
     assert list(read) == list(record_keys(study, "here").values())
-    for record, other in zip(made, read.values(), strict=True):
+    for record, other in zip(new, read.values(), strict=True):
         assert other == record
         assert math.isnan(other.seconds)
-    assert math.isfinite(made[0].seconds)
-    assert made[0].pose.matrix.tobytes() == next(iter(read.values())).pose.matrix.tobytes()
+    assert math.isfinite(new[0].seconds)
+    assert new[0].pose.matrix.tobytes() == next(iter(read.values())).pose.matrix.tobytes()
 
 
-def test_lines_are_plain_json_with_units_and_without_times(study, tmp_path):
+def test_lines_are_json_with_units_and_without_run_times(study, tmp_path):
     path = tmp_path / "records.jsonl"
     list(stored_records(path, study, "here"))
     good, bad = (json.loads(line) for line in path.read_text().splitlines())
@@ -72,7 +68,7 @@ def test_lines_are_plain_json_with_units_and_without_times(study, tmp_path):
     assert "scan c" in bad["reason"]
 
 
-def test_a_second_run_makes_nothing_and_changes_nothing(study, tmp_path, counted):
+def test_a_second_run_registers_nothing_and_keeps_the_file(study, tmp_path, counted):
     path = tmp_path / "records.jsonl"
     first = list(stored_records(path, study, "here"))
     before = path.read_bytes()
@@ -82,12 +78,12 @@ def test_a_second_run_makes_nothing_and_changes_nothing(study, tmp_path, counted
     assert path.read_bytes() == before
 
 
-def test_an_interrupted_run_goes_on_to_the_same_bytes(study, tmp_path, counted):
+def test_a_resumed_run_writes_the_same_bytes(study, tmp_path, counted):
     whole, broken = tmp_path / "whole.jsonl", tmp_path / "broken.jsonl"
     list(stored_records(whole, study, "here"))
     records = stored_records(broken, study, "here")
     next(records)
-    # What was handed out is on disk, before anything is closed.
+    # A yielded record is on disk before the file is closed.
     assert len(read_records(broken)) == 1
     records.close()
     assert counted == [2]
@@ -98,7 +94,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(study, tmp_path, counted):
 
 @pytest.mark.parametrize("kept", [1, 5, 40, -1])
 @pytest.mark.parametrize("padding", [b"", b"\0\0\0"])
-def test_a_line_that_was_cut_short_is_made_again(study, tmp_path, kept, padding):
+def test_the_task_of_an_incomplete_line_is_registered_again(study, tmp_path, kept, padding):
     path = tmp_path / "records.jsonl"
     list(stored_records(path, study, "here"))
     before = path.read_bytes()
@@ -112,24 +108,24 @@ def test_a_line_that_was_cut_short_is_made_again(study, tmp_path, kept, padding)
 @pytest.mark.parametrize(
     "change",
     [
-        {"methods": {"d2d": replace(METHOD, spacing=0.7)}},
+        {"methods": {"d2d": replace(METHOD, voxel_size=0.7)}},
         {"methods": {"d2d": SgcNdt(score="p2d")}},
         {"methods": {"other": METHOD}},
         {"pairs": [StudyPair(target="a", source="b", truth=Pose.identity())]},
         {"starts": AroundTruth(distances=(1.0,), angles=(0.0,))},
     ],
 )
-def test_changed_studies_do_not_meet_old_records(study, change):
+def test_changed_studies_do_not_reuse_old_records(study, change):
     old = set(record_keys(study, "here").values())
     assert not old & set(record_keys(replace(study, **change), "here").values())
 
 
-def test_scans_from_elsewhere_do_not_meet_old_records(study):
+def test_scans_from_another_origin_do_not_reuse_old_records(study):
     keys = [set(record_keys(study, where).values()) for where in ("here", "there")]
     assert not keys[0] & keys[1]
 
 
-def test_further_methods_and_starts_leave_the_old_records_valid(study):
+def test_added_methods_and_starts_keep_old_records_valid(study):
     few = AroundTruth(distances=(1.0,), angles=(0.0,))
     many = AroundTruth(distances=(1.0, 2.0), angles=(0.0, 0.1), repeats=2)
     old = record_keys(replace(study, starts=few), "here")
@@ -149,7 +145,7 @@ def test_further_methods_and_starts_leave_the_old_records_valid(study):
         (b'{"key": "1", "pose": [[1]]}\n', "line 1"),
     ],
 )
-def test_other_files_are_refused_and_left_alone(study, tmp_path, text, where):
+def test_files_that_are_no_records_are_refused_and_unchanged(study, tmp_path, text, where):
     path = tmp_path / "table.csv"
     path.write_bytes(text)
     with pytest.raises(FormatError, match=f"{where}: expected a record"):
@@ -157,7 +153,7 @@ def test_other_files_are_refused_and_left_alone(study, tmp_path, text, where):
     assert path.read_bytes() == text
 
 
-def test_a_record_is_synced_before_it_is_handed_out(study, tmp_path, monkeypatch):
+def test_a_record_is_synced_before_it_is_yielded(study, tmp_path, monkeypatch):
     synced = []
     monkeypatch.setattr(os, "fsync", lambda number: synced.append(os.fstat(number).st_size))
     path = tmp_path / "records.jsonl"

@@ -213,11 +213,11 @@ def _series(
             f"--poses must hold one for each of {len(scans)} scans, got {len(poses)}"
         )
     files = ScanSequence(
-        "scan files",
-        tuple(scans),
-        np.arange(len(scans), dtype=np.float64),
-        poses,
-        lambda path: reading.load(path).returns,
+        title="scan files",
+        paths=tuple(scans),
+        times=np.arange(len(scans), dtype=np.float64),
+        poses=poses,
+        load=lambda path: reading.load(path).returns,
     )
     names = " ".join(path.name for path in scans)
     variant = f"{reading.format} {reading.columns}"

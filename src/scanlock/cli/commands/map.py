@@ -14,7 +14,7 @@ from scanlock.errors import InvalidInput, MissingExtra, require_count, require_p
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
     from scanlock.io.sequences import ScanSequence
-    from scanlock.pipelines.mapping import MappedScan
+    from scanlock.pipelines.odometry import OdometryStep
     from scanlock.registration.result import RegistrationResult
 
 _HEADS = (
@@ -83,7 +83,7 @@ def map_folder(
     from scanlock.cli.interrupts import interrupt_delayed
     from scanlock.cli.method_option import chosen_method
     from scanlock.io.sequences import open_sequence
-    from scanlock.pipelines.mapping import mapped_scans
+    from scanlock.pipelines.odometry import odometry
 
     require_count("--every", every)
     require_count("--scans", 2 if scans is None else scans, 2)
@@ -97,7 +97,7 @@ def map_folder(
     output.mkdir(parents=True, exist_ok=True)
     drive = _Drive(sequence, width)
     with compile_watch():
-        steps = mapped_scans(
+        steps = odometry(
             (sequence.scan(index) for index in counting(range(len(sequence)), "scans")),
             method=chosen,
             guess=guess,
@@ -141,8 +141,10 @@ class _Drive:
         self._poses: list[Pose] = []
         self._rows: list[tuple[str | int, ...]] = []
 
-    def add(self, step: "MappedScan", doubt: Literal["keep", "stop"]) -> Literal["laid", "stopped"]:
-        """Add a scan to the map, unless its motion is not verified and `doubt` is "stop"."""
+    def add(
+        self, step: "OdometryStep", doubt: Literal["keep", "stop"]
+    ) -> Literal["laid", "stopped"]:
+        """Add a scan to the map, unless it is not verified and `doubt` is "stop"."""
         index = len(self._poses)
         if step.registration is not None:
             names = self._sequence.names

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.evaluation.crispness import VOXEL_WIDTH
+from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.evaluation.voxel_map import VoxelMap
 from scanlock.experiments.experiment import Contender, Experiment, Findings, Outcome, Section, Watch
 from scanlock.experiments.ladar.claims import ladar_claims, ladar_remarks
@@ -153,7 +153,7 @@ def _maps(found: LadarOutcome, poses: dict[str, Pose]) -> dict[str, NDArray[np.f
     model, data = first_scans(found, ROWS[-1])
     maps: dict[str, NDArray[np.float32]] = {}
     for name, pose in poses.items():
-        laid = VoxelMap(VOXEL_WIDTH)
+        laid = VoxelMap(VOXEL_SIZE)
         laid.add(model)
         laid.add(pose.apply(data))
         maps[name] = laid.points

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.arrays import Points
-from scanlock.evaluation.closest_distances import closest_distances, kept_mean
+from scanlock.evaluation.closest_distances import closest_distances, inlier_mean
 from scanlock.experiments.experiment import Outcome, Watch
 from scanlock.experiments.ladar.series import DRIVES, LadarDrive, pairs_of
 from scanlock.experiments.pairwise import SOLVED
@@ -24,7 +24,7 @@ class LadarOutcome:
     outcome : Outcome
     after : mapping to float [m]
         By the names of pair, start and contender: the mean distance of the closest points at the
-        pose that was found; see `kept_mean`.
+        pose that was found; see `inlier_mean`.
     exact : mapping of str to float [m]
         The same at the exact pose, by the name of the pair.
     """
@@ -82,4 +82,4 @@ def measured(outcome: Outcome, watch: Watch) -> LadarOutcome:
 
 
 def _mean_distance(model: Points, data: Points, pose: Pose | None) -> float:
-    return math.nan if pose is None else kept_mean(closest_distances(model, data, pose))
+    return math.nan if pose is None else inlier_mean(closest_distances(model, data, pose))

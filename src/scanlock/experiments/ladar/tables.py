@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scanlock.evaluation.closest_distances import closest_distances, kept_mean
+from scanlock.evaluation.closest_distances import closest_distances, inlier_mean
 from scanlock.experiments.ladar.outcome import LadarOutcome
 from scanlock.experiments.ladar.rows import ROWS, STARTS
 from scanlock.experiments.ladar.series import DRIVES
@@ -87,7 +87,7 @@ def drive_table(found: LadarOutcome) -> Table:
         pairs = found.pairs(drive)
         motions = [pair.truth.distance(Pose.identity()) for pair in pairs if pair.truth]
         scans = [(np.asarray(load(one.target)), np.asarray(load(one.source))) for one in pairs]
-        before = [kept_mean(closest_distances(*both, Pose.identity())) for both in scans]
+        before = [inlier_mean(closest_distances(*both, Pose.identity())) for both in scans]
         exact = [100.0 * metres for metres in found.exact_distances(drive)]
         rows.append(
             [

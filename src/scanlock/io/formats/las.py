@@ -1,4 +1,4 @@
-"""LAS and LAZ, the surveyors' formats, through laspy (the optional extra ``las``)."""
+"""LAS and LAZ, the formats of surveying, through laspy (the optional extra ``las``)."""
 
 import importlib
 import io
@@ -15,34 +15,38 @@ from scanlock.io.errors import malformed
 from scanlock.io.formats.laz_chunks import check_chunks
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
-_FINEST_STEP = 1e-4
-"""Coordinate step [m] of written files, unless the extent needs a coarser one."""
+_MIN_STEP = 1e-4
+"""Resolution of written coordinates [m], unless the extent requires a coarser one."""
 
-_SMALLEST_HEADER = 227
-_HEADER_1_4 = 375
+_MIN_HEADER_SIZE = 227
+_HEADER_SIZE_1_4 = 375
 _COMPRESSED = 0x80
-_LONGEST_NAME = 32
+_MAX_NAME_SIZE = 32
 _COORDINATES = frozenset({"X", "Y", "Z", "x", "y", "z"})
 _REMEDY = "the file is cut short or damaged; copy it again"
 
 
 def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read a LAS or LAZ file; every point dimension becomes a field.
+    """Read a LAS or LAZ file; every point dimension other than the coordinates becomes a field.
 
     Raises
     ------
+    FormatError
+        A damaged or truncated file.
+    InvalidInput
+        `columns` are given.
     MissingExtra
         laspy is not installed.
     """
     laspy = _laspy(path)
     if columns is not None:
-        raise InvalidInput(f"{path}: a LAS file names its own columns; leave columns out")
+        raise InvalidInput(f"{path}: columns must not be given for LAS, which names its own")
     compressed = _check_header(path, data)
     _require_backend(laspy, path, compressed=compressed)
     try:
         if compressed:
             check_chunks(laspy, path, data)
-        # Damaged scales overflow; the infinite coordinates that result speak for themselves.
+        # Damaged scales overflow to infinite coordinates, which later checks detect.
         with np.errstate(over="ignore", invalid="ignore"):
             expected, points, fields = _decoded(laspy, data)
     except FormatError:
@@ -79,15 +83,15 @@ def _decoded(laspy: Any, data: bytes) -> tuple[int, Points, dict[str, Field]]:
 
 
 def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write LAS 1.4; a name that ends in .laz, or the encoding "compressed", makes it LAZ.
+    """Write LAS 1.4, or LAZ for the extension .laz or the encoding "compressed".
 
-    The format stores coordinates as whole steps: 0.1 mm, or coarser for more than 200 km.
-    Fields with the names of LAS dimensions go there, all others become extra dimensions.
+    Coordinates are stored with a resolution of 0.1 mm, or coarser for extents above 100 km.
+    Fields with the name of a LAS dimension are stored there, others as extra dimensions.
 
     Raises
     ------
     InvalidInput
-        NaN or Inf among the points, or values that their LAS dimension cannot hold.
+        NaN or Inf in the points, or values that their LAS dimension cannot hold.
     MissingExtra
         laspy is not installed.
     """
@@ -96,14 +100,15 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     _require_backend(laspy, path, compressed=compressed)
     if not np.isfinite(scan.points).all():
         raise InvalidInput(
-            f"{path}: LAS cannot hold NaN or Inf; leave such rows out, or write .pcd or .ply"
+            f"{path}: points of LAS must be finite, got NaN or Inf; remove such rows, or write "
+            ".pcd or .ply"
         )
     fields = flat_fields(path, scan)
     has_colours = {"red", "green", "blue"} <= set(fields)
     header = laspy.LasHeader(version="1.4", point_format=7 if has_colours else 6)
     low = scan.points.min(axis=0)
     reach = float((scan.points.max(axis=0) - low).max()) / 2**30
-    step = max(_FINEST_STEP, 10.0 ** math.ceil(math.log10(reach)) if reach > 0 else 0.0)
+    step = max(_MIN_STEP, 10.0 ** math.ceil(math.log10(reach)) if reach > 0 else 0.0)
     header.offsets = np.floor(low)
     header.scales = np.full(3, step)
     known = set(header.point_format.dimension_names) - _COORDINATES
@@ -122,17 +127,16 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
 
 
 def _check_header(path: Path, data: bytes) -> bool:
-    """Raise `FormatError` unless the file can hold what its header announces.
+    """Return whether the points are compressed; raise unless the sizes in the header fit the file.
 
-    laspy itself returns fewer points from a file that is cut short, and spends minutes on a
-    damaged count. Returns whether the points are compressed. Offsets are those of the LAS 1.4
-    specification.
+    laspy itself returns fewer points from a truncated file, and runs for minutes on a damaged
+    count. Offsets are those of the LAS 1.4 specification.
     """
-    if data[:4] != b"LASF" or len(data) < _SMALLEST_HEADER:
+    if data[:4] != b"LASF" or len(data) < _MIN_HEADER_SIZE:
         raise malformed(
             path,
             "byte 0",
-            expected=f"LASF and a header of at least {_SMALLEST_HEADER} bytes",
+            expected=f"LASF and a header of at least {_MIN_HEADER_SIZE} bytes",
             found=f"{data[:4]!r} and {len(data)} bytes",
             remedy=_REMEDY,
         )
@@ -141,11 +145,11 @@ def _check_header(path: Path, data: bytes) -> bool:
     _require_room(path, 94, "header", header_size, min(start, len(data)))
     _require_room(path, 96, "header", start, len(data))
     _require_room(path, 100, "variable length records", 54 * records, start - header_size)
-    if data[25] >= 4 and header_size >= _HEADER_1_4:
+    if data[25] >= 4 and header_size >= _HEADER_SIZE_1_4:
         more_start, more, count = struct.unpack_from("<QIQ", data, 235)
         room = len(data) - more_start
         _require_room(path, 243, "extended variable length records", 60 * more, max(room, 0))
-    # No LAZ file is known to need less than a thousandth of a point's row for a point.
+    # Compression by more than a factor of a thousand is not known.
     needed = count * row_size // (1000 if compressed else 1)
     _require_room(path, 107, f"{count} points", needed, len(data) - start)
     if compressed:
@@ -154,33 +158,33 @@ def _check_header(path: Path, data: bytes) -> bool:
 
 
 def _check_chunk_table(path: Path, data: bytes, start: int) -> None:
-    """Raise `FormatError` unless LAZ data end in a table of at most a chunk a byte.
+    """Raise `FormatError` unless LAZ data end in a table with at most one chunk per byte.
 
-    The decompressor reserves memory for whatever the table announces, and on a damaged number
-    takes the whole process down.
+    The decompressor allocates memory for the chunks that the table announces, and aborts the
+    process if a damaged number is too large.
     """
-    _require_room(path, start, "place of the chunk table", 8, len(data) - start)
-    (place,) = struct.unpack_from("<q", data, start)
-    if place == -1:  # written to a stream: the place stands at the very end
-        (place,) = struct.unpack_from("<q", data, len(data) - 8)
-    if not start + 8 <= place <= len(data) - 8:
+    _require_room(path, start, "offset of the chunk table", 8, len(data) - start)
+    (offset,) = struct.unpack_from("<q", data, start)
+    if offset == -1:  # written to a stream: the offset is at the end of the file
+        (offset,) = struct.unpack_from("<q", data, len(data) - 8)
+    if not start + 8 <= offset <= len(data) - 8:
         raise malformed(
             path,
             f"byte {start}",
-            expected=f"the place of a chunk table between {start + 8} and {len(data) - 8}",
-            found=str(place),
+            expected=f"the offset of a chunk table between {start + 8} and {len(data) - 8}",
+            found=str(offset),
             remedy=_REMEDY,
         )
-    _, chunks = struct.unpack_from("<II", data, place)
-    _require_room(path, place + 4, f"{chunks} chunks", chunks, place - start)
+    _, chunks = struct.unpack_from("<II", data, offset)
+    _require_room(path, offset + 4, f"{chunks} chunks", chunks, offset - start)
 
 
-def _require_room(path: Path, place: int, what: str, needed: int, room: int) -> None:
+def _require_room(path: Path, offset: int, content: str, needed: int, room: int) -> None:
     if needed > room:
         raise malformed(
             path,
-            f"byte {place}",
-            expected=f"at least {needed} bytes for the {what}",
+            f"byte {offset}",
+            expected=f"at least {needed} bytes for the {content}",
             found=f"{room}",
             remedy=_REMEDY,
         )
@@ -189,13 +193,13 @@ def _require_room(path: Path, place: int, what: str, needed: int, room: int) -> 
 def _fill_dimension(path: Path, las: Any, name: str, values: Field) -> None:
     try:
         las[name] = values
-        kept = np.array_equal(np.array(las[name]), values, equal_nan=values.dtype.kind == "f")
+        is_equal = np.array_equal(np.array(las[name]), values, equal_nan=values.dtype.kind == "f")
     except (OverflowError, ValueError, TypeError):
-        kept = False
-    if not kept:
+        is_equal = False
+    if not is_equal:
         raise InvalidInput(
             f"{path}: the LAS dimension {name} cannot hold these {values.dtype} values "
-            f"({values.min()} to {values.max()}); rename the field to keep it as an extra one"
+            f"({values.min()} to {values.max()}); rename the field to store it as an extra one"
         )
 
 
@@ -206,10 +210,10 @@ def _require_extra_dimension(path: Path, name: str, values: Field) -> None:
         or (values.dtype.kind == "f" and values.dtype.itemsize == 2)
     ):
         raise InvalidInput(f"{path}: LAS cannot hold field {name} of type {values.dtype}")
-    if name in _COORDINATES or not 0 < len(name.encode()) <= _LONGEST_NAME:
+    if name in _COORDINATES or not 0 < len(name.encode()) <= _MAX_NAME_SIZE:
         raise InvalidInput(
-            f"{path}: LAS needs field names of 1 to {_LONGEST_NAME} bytes other than x, y, z, "
-            f"got {name!r}; rename it"
+            f"{path}: a field name of LAS must have 1 to {_MAX_NAME_SIZE} bytes and not be x, y or "
+            f"z, got {name!r}; rename it"
         )
 
 
@@ -226,15 +230,15 @@ def _require_backend(laspy: Any, path: Path, *, compressed: bool) -> None:
 
 
 def _is_panic(error: BaseException) -> bool:
-    """Tell whether the decompressor, which is written in Rust, gave up on damaged data.
+    """Return whether an error is a Rust panic of the decompressor on damaged data.
 
-    Such errors derive from `BaseException` alone, and their class is not to be imported.
+    Such errors derive directly from `BaseException`, and their class cannot be imported.
     """
     return type(error).__name__ == "PanicException"
 
 
 def _decoding_errors(laspy: Any) -> tuple[type[Exception], ...]:
-    """Return what laspy and its decompressor raise on damaged data; none of it is documented."""
+    """Return the errors that laspy and its decompressor raise on damaged data (undocumented)."""
     return (
         laspy.errors.LaspyException,
         ArithmeticError,

@@ -1,4 +1,4 @@
-"""NumPy's own files: one array (.npy), or several by name (.npz)."""
+"""NumPy files: one array (.npy), or several named ones (.npz)."""
 
 import io
 import math
@@ -28,23 +28,23 @@ _ZIP_ERRORS = (
     RuntimeError,
     ValueError,
 )
-"""What the standard library raises on damaged archives, by experiment."""
+"""Errors that the standard library raises on damaged archives (found by experiment)."""
 
 _POINT_KEYS = ("points", "xyz", "arr_0")
-"""Where .npz files keep their points, first choice first."""
+"""Names of the points in .npz files, in order of preference."""
 
 
 def read_npy(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read a plain (n, 3+) array, or a structured one with x, y and z."""
+    """Read a plain (n, 3+) array, or a structured array with x, y and z."""
     array = array_from_npy(path, data)
     names, parts = _split(path, array, columns)
     return scan_from_columns(path, names, parts, format="npy", encoding="binary")
 
 
 def read_npz(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read the arrays x, y, z, or one of points, xyz and arr_0; the rest become fields.
+    """Read the arrays x, y, z, or one of points, xyz and arr_0; other arrays become fields.
 
-    Arrays that do not belong to the points row by row are left out, and said to be.
+    Arrays without a row for each point are left out, with a note.
     """
     names, parts = _named_arrays(path, data, columns)
     first = (find_coordinates(names) or (0,))[0]
@@ -65,7 +65,7 @@ def read_npz(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
 
 
 def write_npy(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write (n, 3) points, or with fields one structured array that names every column."""
+    """Write an (n, 3) array, or for scans with fields a structured array of named columns."""
     points = scan.points.astype(scan.coordinate_dtype)
     if not scan.fields:
         np.lib.format.write_array(handle, points, allow_pickle=False)
@@ -81,22 +81,22 @@ def write_npy(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
 
 
 def write_npz(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write an array ``points`` and one array a field."""
+    """Write an array ``points`` and one array for each field."""
     taken = sorted({"points", "file", "allow_pickle"} & set(scan.fields))
     if taken:
-        raise InvalidInput(f"{path}: .npz cannot hold a field named {taken[0]}; rename it")
+        raise InvalidInput(f"{path}: a field of .npz cannot be named {taken[0]}; rename it")
     arrays: dict[str, Any] = {"points": scan.points.astype(scan.coordinate_dtype), **scan.fields}
     save = np.savez_compressed if encoding == "compressed" else np.savez
     save(handle, **arrays)
 
 
 def array_from_npy(path: Path, data: bytes) -> NDArray[Any]:
-    """Return the array of the bytes of an .npy file; never unpickles.
+    """Return the array in the bytes of an .npy file; Python objects are never unpickled.
 
     Raises
     ------
     FormatError
-        A broken header, Python objects, or more or fewer bytes than the header announces.
+        An invalid header, Python objects, or another number of bytes than the header gives.
     """
     stream = io.BytesIO(data)
     try:
@@ -106,15 +106,15 @@ def array_from_npy(path: Path, data: bytes) -> NDArray[Any]:
             if version == (1, 0)
             else np.lib.format.read_array_header_2_0
         )
-        # Headers of old or damaged files may make NumPy warn about them.
+        # NumPy warns about headers of old or damaged files.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             shape, fortran_order, dtype = read_header(stream)
-    # NumPy reads the header as Python text, and fails in as many ways as Python does.
+    # NumPy parses the header as Python source, with all of its errors.
     except (ValueError, SyntaxError, TypeError, MemoryError, TokenError) as error:
         raise FormatError(
-            f"{path}: byte 0: expected the header of a NumPy array, found a broken one ({error}); "
-            "the file is cut short or damaged: save it again with numpy.save"
+            f"{path}: byte 0: expected the header of a NumPy array, found an invalid one "
+            f"({error}); the file is cut short or damaged: save it again with numpy.save"
         ) from error
     if dtype.hasobject or dtype.itemsize == 0 or min(shape, default=0) < 0:
         raise malformed(
@@ -172,7 +172,7 @@ def _members(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
         raise
     except _ZIP_ERRORS as error:
         raise FormatError(
-            f"{path}: expected a zip archive of NumPy arrays, found a broken one ({error}); the "
+            f"{path}: expected a zip archive of NumPy arrays, found an invalid one ({error}); the "
             "file is cut short or damaged: save it again with numpy.savez"
         ) from error
 
@@ -185,9 +185,9 @@ def _split(
             raise malformed(
                 path,
                 "header",
-                expected="a one-dimensional table, whose columns need no columns=",
+                expected="a one-dimensional structured array, and no columns=",
                 found=f"shape {array.shape}, columns={columns}",
-                remedy="save it flat, and leave columns out",
+                remedy="save a one-dimensional array, and leave columns out",
             )
         return list(array.dtype.names), [array[name] for name in array.dtype.names]
     if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
@@ -196,16 +196,16 @@ def _split(
             "header",
             expected="real numbers of shape (n, 3) or wider",
             found=f"{array.dtype} of shape {array.shape}",
-            remedy="save one row a point",
+            remedy="save one row per point",
         )
-    asked = len(columns) if isinstance(columns, tuple) else columns
-    if asked is not None and asked != array.shape[1]:
+    requested = len(columns) if isinstance(columns, tuple) else columns
+    if requested is not None and requested != array.shape[1]:
         raise malformed(
             path,
             "header",
-            expected=f"{asked} columns, as asked for",
+            expected=f"{requested} columns, as requested",
             found=f"{array.shape[1]}",
-            remedy="name every column",
+            remedy="name every column in columns=",
         )
     names = columns if isinstance(columns, tuple) else numbered_names(array.shape[1])
     return list(names), list(array.T)

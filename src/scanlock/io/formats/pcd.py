@@ -12,19 +12,19 @@ from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.columns import require_writable_names
 from scanlock.io.errors import check_body_size, malformed
 from scanlock.io.formats.pcd_header import PADDING, PcdHeader, parse_header
-from scanlock.io.numeric_text import parse_rows, stored_as, table_lines, unfinished
+from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
 
-_LARGEST_RATIO = 100
-"""LZF turns at most 264 bytes into 3, so a larger promise is a damaged header."""
+_MAX_RATIO = 100
+"""Maximum compression ratio of LZF, which packs at most 264 bytes into 3."""
 
 _ENCODINGS = {"binary": "binary", "ascii": "ascii", "compressed": "binary_compressed"}
 
 
 def read_pcd(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read a PCD file of any encoding; padding is skipped, rows with NaN are kept."""
+    """Read a PCD file of any encoding; padding is skipped, and rows with NaN are kept."""
     if columns is not None:
-        raise InvalidInput(f"{path}: a PCD file names its own columns; leave columns out")
+        raise InvalidInput(f"{path}: columns must not be given for PCD, which names its own")
     header = parse_header(path, data)
     parts = {
         "ascii": _ascii_columns,
@@ -42,7 +42,7 @@ def read_pcd(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
         [part for _, part in named],
         format="pcd",
         encoding=header.encoding,
-        notes=unfinished(data) if header.encoding == "ascii" else (),
+        notes=truncation_notes(data) if header.encoding == "ascii" else (),
         width=header.width,
         height=header.height,
         viewpoint=header.viewpoint,
@@ -50,7 +50,7 @@ def read_pcd(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
 
 
 def write_pcd(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write every field in its own type; booleans become U 1 and half floats F 4."""
+    """Write every field in its own type; booleans as U 1, and half floats as F 4."""
     require_writable_names(path, scan.fields)
     columns: dict[str, Field] = {
         axis: scan.points[:, k].astype(scan.coordinate_dtype) for k, axis in enumerate("xyz")
@@ -75,7 +75,7 @@ def _ascii_columns(path: Path, data: bytes, header: PcdHeader) -> list[Field]:
         raise malformed(
             path,
             f"after line {header.lines}",
-            expected=f"{header.points} rows, as POINTS says",
+            expected=f"{header.points} rows, as given by POINTS",
             found=f"{rows}",
             remedy="the file is cut short or its header is wrong; write it again",
         )
@@ -83,7 +83,7 @@ def _ascii_columns(path: Path, data: bytes, header: PcdHeader) -> list[Field]:
     first = 0
     for field in header.fields:
         group = [
-            stored_as(path, column, field.dtype, field.name, f"after line {header.lines}")
+            as_declared_type(path, column, field.dtype, field.name, f"after line {header.lines}")
             for column in table[first : first + field.count]
         ]
         parts.append(group[0] if field.count == 1 else np.stack(group, axis=1))
@@ -115,12 +115,12 @@ def _compressed_columns(path: Path, data: bytes, header: PcdHeader) -> list[Fiel
             remedy="the file is cut short; copy it again",
         )
     packed_size, raw_size = struct.unpack_from("<II", data, header.offset)
-    if raw_size != expected or raw_size > _LARGEST_RATIO * packed_size:
+    if raw_size != expected or raw_size > _MAX_RATIO * packed_size:
         raise malformed(
             path,
             f"byte {header.offset + 4}",
             expected=f"{expected} unpacked bytes for {header.points} points",
-            found=f"{packed_size} packed bytes announced to become {raw_size}",
+            found=f"{packed_size} packed bytes for {raw_size} unpacked ones",
             remedy="the file is damaged; write it again",
         )
     check_body_size(path, data, start, packed_size)
@@ -130,10 +130,10 @@ def _compressed_columns(path: Path, data: bytes, header: PcdHeader) -> list[Fiel
             path,
             f"byte {start + abs(status)}",
             expected=f"LZF data of {raw_size} bytes",
-            found="a broken reference" if status <= 0 else f"{status} bytes",
+            found="an invalid reference" if status <= 0 else f"{status} bytes",
             remedy="the file is damaged; copy or write it again",
         )
-    # Compressed files hold one field after the other, not one point after the other.
+    # Compressed files are stored field by field, not point by point.
     parts: list[Field] = []
     offset = 0
     for field in header.fields:
@@ -151,7 +151,9 @@ def _write_compressed(path: Path, handle: BinaryIO, columns: dict[str, Field]) -
     )
     packed = lzf_encode(np.frombuffer(raw, np.uint8))
     if max(len(raw), len(packed)) >= 2**32:
-        raise InvalidInput(f"{path}: compressed PCD ends at 4 GiB; write binary PCD instead")
+        raise InvalidInput(
+            f"{path}: compressed PCD must be below 4 GiB, got {len(raw)} bytes; write binary PCD"
+        )
     handle.write(struct.pack("<II", len(packed), len(raw)))
     handle.write(packed.tobytes())
 

@@ -1,4 +1,4 @@
-"""The header of a PCD file, line by line."""
+"""Header of a PCD file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from scanlock.io.errors import malformed
 from scanlock.io.quaternions import pose_from_quaternion
 
 PADDING = "_"
-"""The field name that marks bytes without meaning."""
+"""Name of fields that are padding."""
 
 _TYPES = {
     ("F", 4): "<f4",
@@ -33,48 +33,48 @@ _KEYS = (
     "DATA",
 )
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
-_LONGEST_HEADER = 65536
-_REMEDY = "the file is cut short, damaged, or no PCD file; write it again"
+_MAX_HEADER_SIZE = 65536
+_REMEDY = "the file is cut short, damaged, or not a PCD file; write it again"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PcdField:
-    """One entry of FIELDS: `count` values of one type a point."""
+    """One entry of FIELDS: `count` values of one type per point."""
 
     name: str
-    """Name; `PADDING` for bytes to skip."""
+    """Name of the field; `PADDING` for bytes to skip."""
 
     dtype: np.dtype[Any]
-    """Little-endian type of each value."""
+    """Type of each value, little-endian."""
 
     count: int
-    """Values a point."""
+    """Number of values per point."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PcdHeader:
-    """What stands before the data."""
+    """Contents of the header."""
 
     fields: tuple[PcdField, ...]
-    """In file order, padding included."""
+    """Fields in file order, including padding."""
 
     width: int
-    """Columns of an organised cloud, or all points."""
+    """Number of columns of an organised cloud, else of all points."""
 
     height: int
-    """Rows of an organised cloud, or 1."""
+    """Number of rows of an organised cloud, else 1."""
 
     viewpoint: Pose | None
-    """Sensor pose; None if the header has none."""
+    """Pose of the sensor; None without a VIEWPOINT line."""
 
     encoding: str
-    """``"ascii"``, ``"binary"`` or ``"binary_compressed"``."""
+    """Encoding: ``"ascii"``, ``"binary"`` or ``"binary_compressed"``."""
 
     offset: int
-    """Byte that the data start on."""
+    """Offset of the data [bytes]."""
 
     lines: int
-    """Lines of the header."""
+    """Number of lines of the header."""
 
     @property
     def points(self) -> int:
@@ -83,29 +83,29 @@ class PcdHeader:
 
     @property
     def row_size(self) -> int:
-        """Bytes of one point."""
+        """Size of one point [bytes]."""
         return sum(field.dtype.itemsize * field.count for field in self.fields)
 
 
 def parse_header(path: Path, data: bytes) -> PcdHeader:
-    """Return the header of the bytes of a PCD file.
+    """Parse the header of a PCD file.
 
     Raises
     ------
     FormatError
-        A line that breaks the format, by its number.
+        A line that does not follow the format; the message gives its number.
     """
     entries: dict[str, tuple[int, list[str]]] = {}
     offset = 0
     line = 0
     while "DATA" not in entries:
-        end = data.find(b"\n", offset, offset + _LONGEST_HEADER)
-        if end < 0 or offset > _LONGEST_HEADER:
+        end = data.find(b"\n", offset, offset + _MAX_HEADER_SIZE)
+        if end < 0 or offset > _MAX_HEADER_SIZE:
             raise malformed(
                 path,
                 f"line {line + 1}",
                 expected="a header that ends in a DATA line",
-                found="the end of the file" if end < 0 else f"{_LONGEST_HEADER} bytes without one",
+                found="the end of the file" if end < 0 else f"{_MAX_HEADER_SIZE} bytes without one",
                 remedy=_REMEDY,
             )
         words = data[offset:end].decode("ascii", "backslashreplace").split()
@@ -127,7 +127,7 @@ def parse_header(path: Path, data: bytes) -> PcdHeader:
 
 
 class _HeaderLines:
-    """The header's lines by key, and the checks that name them."""
+    """Lines of a header by key, with checks that give the line in errors."""
 
     def __init__(self, path: Path, entries: dict[str, tuple[int, list[str]]]) -> None:
         self.path = path
@@ -138,7 +138,7 @@ class _HeaderLines:
         width, height = self.shape()
         encoding = " ".join(self.entries["DATA"][1]).lower()
         if encoding not in _ENCODINGS:
-            raise self.fault("DATA", f"one of {', '.join(_ENCODINGS)}")
+            raise self.error("DATA", f"one of {', '.join(_ENCODINGS)}")
         return PcdHeader(
             fields=fields,
             width=width,
@@ -152,15 +152,15 @@ class _HeaderLines:
     def fields(self) -> tuple[PcdField, ...]:
         key = "COLUMNS" if "COLUMNS" in self.entries else "FIELDS"
         names = self.words(key)
-        sizes = self.integers("SIZE", len(names), least=1)
+        sizes = self.integers("SIZE", len(names), minimum=1)
         kinds = self.words("TYPE", len(names))
         has_counts = "COUNT" in self.entries
-        counts = self.integers("COUNT", len(names), least=1) if has_counts else [1] * len(names)
+        counts = self.integers("COUNT", len(names), minimum=1) if has_counts else [1] * len(names)
         fields: list[PcdField] = []
         for name, size, kind, count in zip(names, sizes, kinds, counts, strict=True):
             code = _TYPES.get((kind.upper(), size))
             if code is None:
-                raise self.fault("TYPE", f"F of 4 or 8 bytes, I or U of 1, 2, 4 or 8 for {name}")
+                raise self.error("TYPE", f"F of 4 or 8 bytes, I or U of 1, 2, 4 or 8 for {name}")
             fields.append(PcdField(name=name, dtype=np.dtype(code), count=count))
         return tuple(fields)
 
@@ -171,9 +171,9 @@ class _HeaderLines:
         width = self.integers(width_key, 1)[0]
         height = self.integers("HEIGHT", 1)[0] if "HEIGHT" in self.entries else 1
         if count_key == "POINTS" and width * height != self.integers("POINTS", 1)[0]:
-            raise self.fault("POINTS", f"WIDTH x HEIGHT = {width * height}")
+            raise self.error("POINTS", f"WIDTH x HEIGHT = {width * height}")
         if width * height == 0:
-            raise self.fault(count_key, "at least one point")
+            raise self.error(count_key, "at least one point")
         return width, height
 
     def viewpoint(self) -> Pose | None:
@@ -184,7 +184,7 @@ class _HeaderLines:
             x, y, z, qw, qx, qy, qz = map(float, words)
             return pose_from_quaternion((x, y, z), (qw, qx, qy, qz))
         except (ValueError, InvalidInput) as error:
-            raise self.fault("VIEWPOINT", "tx ty tz and a unit quaternion qw qx qy qz") from error
+            raise self.error("VIEWPOINT", "tx ty tz and a unit quaternion qw qx qy qz") from error
 
     def words(self, key: str, count: int | None = None) -> list[str]:
         if key not in self.entries:
@@ -197,17 +197,17 @@ class _HeaderLines:
             )
         words = self.entries[key][1]
         if not words or (count is not None and len(words) != count):
-            raise self.fault(key, f"{count or 'some'} entries")
+            raise self.error(key, f"{count or 'some'} entries")
         return words
 
-    def integers(self, key: str, count: int, least: int = 0) -> list[int]:
+    def integers(self, key: str, count: int, minimum: int = 0) -> list[int]:
         words = self.words(key, count)
         plain = all(word.isascii() and word.isdecimal() and len(word) < 19 for word in words)
-        if not plain or any(int(word) < least for word in words):
-            raise self.fault(key, f"{count} whole numbers of at least {least}")
+        if not plain or any(int(word) < minimum for word in words):
+            raise self.error(key, f"{count} whole numbers of at least {minimum}")
         return [int(word) for word in words]
 
-    def fault(self, key: str, expected: str) -> FormatError:
+    def error(self, key: str, expected: str) -> FormatError:
         line, words = self.entries[key]
         return malformed(
             self.path,

@@ -1,4 +1,4 @@
-"""PLY, the Stanford polygon format, of which scans use the vertices."""
+"""PLY, the Stanford polygon format, whose vertices are the points of a scan."""
 
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -9,12 +9,12 @@ from scanlock.errors import InvalidInput
 from scanlock.io.columns import require_writable_names
 from scanlock.io.errors import check_body_size, malformed
 from scanlock.io.formats.ply_header import PlyElement, PlyHeader, parse_header
-from scanlock.io.numeric_text import parse_rows, stored_as, table_lines, unfinished
+from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
 
 _EXACT_INTEGER = 2**53
-_LARGEST_ROW = 2**31
-"""NumPy has no type of this many bytes or more."""
+_MAX_ROW_SIZE = 2**31
+"""Size below which NumPy can represent a row [bytes]."""
 
 _NAMES = {
     "i1": "char",
@@ -30,9 +30,9 @@ _REMEDY = "the file is cut short, or its header is wrong; copy or write it again
 
 
 def read_ply(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read the vertices of an ascii or binary PLY file with all their scalar properties."""
+    """Read the vertices of an ascii or binary PLY file with all scalar properties."""
     if columns is not None:
-        raise InvalidInput(f"{path}: a PLY file names its own columns; leave columns out")
+        raise InvalidInput(f"{path}: columns must not be given for PLY, which names its own")
     header = parse_header(path, data)
     read = _ascii_columns if header.encoding == "ascii" else _binary_columns
     vertex = next(element for element in header.elements if element.name == "vertex")
@@ -42,19 +42,19 @@ def read_ply(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
         read(path, data, header),
         format="ply",
         encoding=header.encoding,
-        notes=unfinished(data) if header.encoding == "ascii" else (),
+        notes=truncation_notes(data) if header.encoding == "ascii" else (),
     )
 
 
 def write_ply(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
     """Write vertices with every field as a property, in its own type where PLY has it.
 
-    A field of several values a point becomes one property a value: ``name_0``, ``name_1``, ...
+    A field of several values per point becomes several properties: ``name_0``, ``name_1``, ...
 
     Raises
     ------
     InvalidInput
-        64-bit integers beyond 2^53, which no PLY type holds, or a field that is no number.
+        64-bit integers beyond 2^53, which no PLY type holds, or a field that is not numeric.
     """
     require_writable_names(path, scan.fields)
     columns: dict[str, Field] = {
@@ -89,7 +89,7 @@ def _storable(path: Path, name: str, values: Field) -> Field:
     if kind in "iu" and size == 8:
         if len(values) and max(abs(int(values.min())), abs(int(values.max()))) > _EXACT_INTEGER:
             raise InvalidInput(
-                f"{path}: PLY has no 64-bit integers and a double would round field {name}; "
+                f"{path}: integers of PLY must be within 2^53, got larger ones in field {name}; "
                 "subtract an offset, or write .pcd or .npz"
             )
         return values.astype(np.float64)
@@ -100,7 +100,7 @@ def _storable(path: Path, name: str, values: Field) -> Field:
 
 def _ascii_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:
     body = data[header.offset :]
-    # A file whose header lines end in a lone carriage return has such data lines too.
+    # Data lines end in a lone carriage return if those of the header do.
     lines = (body.replace(b"\r", b"\n") if b"\n" not in body else body).split(b"\n")
     filled = [k for k, line in enumerate(lines) if line.strip()]
     expected = sum(element.count for element in header.elements)
@@ -112,9 +112,9 @@ def _ascii_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:
             found=f"{len(filled)}",
             remedy=_REMEDY,
         )
-    place = next(k for k, element in enumerate(header.elements) if element.name == "vertex")
-    vertex = header.elements[place]
-    before = sum(element.count for element in header.elements[:place])
+    index = next(k for k, element in enumerate(header.elements) if element.name == "vertex")
+    vertex = header.elements[index]
+    before = sum(element.count for element in header.elements[:index])
     first, last = filled[before], filled[before + vertex.count - 1]
     table = parse_rows(
         path,
@@ -123,7 +123,7 @@ def _ascii_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:
         width=len(vertex.properties),
     )
     return [
-        stored_as(path, column, entry.dtype, entry.name, f"after line {header.lines}")
+        as_declared_type(path, column, entry.dtype, entry.name, f"after line {header.lines}")
         for column, entry in zip(table, vertex.properties, strict=True)
     ]
 
@@ -170,7 +170,7 @@ def _end_of_row(path: Path, data: bytes, offset: int, element: PlyElement) -> in
 
 
 def _uniform_row_size(data: bytes, offset: int, element: PlyElement) -> int | None:
-    """Return the bytes of a row if every row's lists are as long as the first row's."""
+    """Return the size of a row [bytes] if the lists of all rows have equal lengths, else None."""
     layout: list[Any] = []
     size = 0
     for k, entry in enumerate(element.properties):
@@ -185,7 +185,7 @@ def _uniform_row_size(data: bytes, offset: int, element: PlyElement) -> int | No
             return None
         layout.append((f"f{k}", entry.dtype, (length,)))
         size += length * entry.dtype.itemsize
-    if element.count * size > len(data) - offset or size >= _LARGEST_ROW:
+    if element.count * size > len(data) - offset or size >= _MAX_ROW_SIZE:
         return None
     table = np.frombuffer(data, np.dtype(layout), element.count, offset)
     for k, entry in enumerate(element.properties):

@@ -1,4 +1,4 @@
-"""The header of a PLY file, line by line."""
+"""Header of a PLY file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +25,13 @@ _TYPES = {
     "uint32": "u4",
     "float32": "f4",
     "float64": "f8",
-    # Not in the original description, but written by several tools.
+    # Not in the original specification, but written by several tools.
     "int64": "i8",
     "uint64": "u8",
 }
 _BYTE_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
-_LONGEST_HEADER = 1 << 20
-_REMEDY = "the file is cut short, damaged, or no PLY file; write it again"
+_MAX_HEADER_SIZE = 1 << 20
+_REMEDY = "the file is cut short, damaged, or not a PLY file; write it again"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,15 +42,15 @@ class PlyProperty:
     """Name in the file."""
 
     dtype: np.dtype[Any]
-    """Type of the value, or of each entry of the list, in the file's byte order."""
+    """Type of the value, or of each entry of the list, in the byte order of the file."""
 
     length_dtype: np.dtype[Any] | None
-    """Type of a list's length; None for a scalar."""
+    """Type of the length of a list; None for a scalar."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlyElement:
-    """One kind of row: vertex, face, ..."""
+    """One kind of rows: vertex, face, ..."""
 
     name: str
     """Name in the file."""
@@ -59,50 +59,50 @@ class PlyElement:
     """Number of rows."""
 
     properties: tuple[PlyProperty, ...]
-    """In file order."""
+    """Properties in file order."""
 
     @property
     def has_lists(self) -> bool:
-        """Whether the rows differ in size."""
+        """Whether rows may differ in size."""
         return any(entry.length_dtype is not None for entry in self.properties)
 
     @property
     def row_dtype(self) -> np.dtype[Any]:
-        """Packed type of one row without lists."""
+        """Packed type of a row without lists."""
         return np.dtype([(f"f{k}", entry.dtype) for k, entry in enumerate(self.properties)])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlyHeader:
-    """What stands before the data."""
+    """Contents of the header."""
 
     encoding: str
-    """``"ascii"``, ``"binary_little_endian"`` or ``"binary_big_endian"``."""
+    """Encoding: ``"ascii"``, ``"binary_little_endian"`` or ``"binary_big_endian"``."""
 
     elements: tuple[PlyElement, ...]
-    """In file order."""
+    """Elements in file order."""
 
     offset: int
-    """Byte that the data start on."""
+    """Offset of the data [bytes]."""
 
     lines: int
-    """Lines of the header."""
+    """Number of lines of the header."""
 
 
 def parse_header(path: Path, data: bytes) -> PlyHeader:
-    """Return the header of the bytes of a PLY file.
+    """Parse the header of a PLY file.
 
     Raises
     ------
     FormatError
-        A line that breaks the format, by its number.
+        A line that does not follow the format; the message gives its number.
     """
     end_of_line = b"\r" if data.startswith(b"ply\r") and not data.startswith(b"ply\r\n") else b"\n"
     parser = _HeaderParser(path)
     offset = 0
     while not parser.ended:
-        end = data.find(end_of_line, offset, offset + _LONGEST_HEADER)
-        if end < 0 or offset > _LONGEST_HEADER:
+        end = data.find(end_of_line, offset, offset + _MAX_HEADER_SIZE)
+        if end < 0 or offset > _MAX_HEADER_SIZE:
             parser.line += 1
             parser.fail("a header that ends in end_header", "the end of the file")
         parser.feed(data[offset:end].decode("ascii", "backslashreplace").split())
@@ -111,7 +111,7 @@ def parse_header(path: Path, data: bytes) -> PlyHeader:
 
 
 class _HeaderParser:
-    """Takes the header's lines one after the other."""
+    """Parser of header lines, one at a time."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -167,7 +167,7 @@ class _HeaderParser:
         usable = len(vertices) == 1 and vertices[0].count > 0 and bool(vertices[0].properties)
         if not usable or vertices[0].has_lists:
             described = ", ".join(f"{e.count} {e.name}" for e in elements) or "no elements"
-            self.fail("one element vertex with rows and with scalar properties only", described)
+            self.fail("one element vertex with rows and scalar properties only", described)
         return PlyHeader(encoding=self.encoding, elements=elements, offset=offset, lines=self.line)
 
     def fail(self, expected: str, found: str) -> NoReturn:

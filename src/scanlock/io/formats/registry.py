@@ -1,4 +1,4 @@
-"""Every format by name, and how a file is told to be in one."""
+"""Registry of scan formats, and detection of the format of a file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,33 +15,33 @@ from scanlock.io.formats.text import read_text, write_text
 from scanlock.io.scan_file import ScanFile
 
 Reader = Callable[[Path, bytes, tuple[str, ...] | int | None], ScanFile]
-"""Path (for messages), contents, the caller's columns -> scan."""
+"""Function of path (for messages), contents and requested columns that returns the scan."""
 
 Writer = Callable[[Path, BinaryIO, ScanFile, str], None]
-"""Path (for messages and variants), open file, scan, encoding."""
+"""Function of path (for messages and variants), open file, scan and encoding that writes it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScanFormat:
-    """One way to keep a scan in a file."""
+    """Reader, writer and properties of a scan format."""
 
     title: str
-    """What people call it."""
+    """Name for display."""
 
     extensions: tuple[str, ...]
-    """Endings of file names, lower case, the usual one first."""
+    """Extensions of file names, lower case, the usual one first."""
 
     read: Reader
-    """Turns contents into a scan."""
+    """Reader of scans."""
 
     write: Writer
-    """Turns a scan into contents."""
+    """Writer of scans."""
 
     encodings: tuple[str, ...]
-    """What the writer's `encoding` may be, the default first."""
+    """Encodings of the writer, the default first."""
 
     organised: bool = False
-    """Whether it keeps the width, height and viewpoint of an organised cloud."""
+    """Whether the format stores width, height and viewpoint of an organised cloud."""
 
 
 FORMATS: dict[str, ScanFormat] = {
@@ -112,10 +112,10 @@ _FOREIGN = {
     b"ARROW1": "Feather",
     b"PAR1": "Parquet",
 }
-"""First bytes of files that people mistake for scans, or wish were ones."""
+"""First bytes and names of formats that are recognised but not read."""
 
 _WITHOUT_MAGIC = ("bin", "txt")
-"""Raw float32 is told by its name only, and text need not be ASCII."""
+"""Formats that the extension alone decides: raw float32, and text that is not ASCII."""
 
 _PREVIEW = 4096
 _TEXT_BYTES = frozenset(range(32, 256)) | set(b"\t\n\v\f\r")
@@ -123,18 +123,18 @@ _PCD_KEYS = (b"VERSION", b"FIELDS", b"COLUMNS")
 
 
 def format_of_name(path: Path) -> str | None:
-    """Return the format that a file name's ending stands for; None if for none."""
+    """Return the format of a file extension; None if it is unknown."""
     suffix = path.suffix.lower()
     return next((name for name, known in FORMATS.items() if suffix in known.extensions), None)
 
 
 def format_of_content(path: Path, data: bytes) -> str | None:
-    """Return the format that the first bytes speak for; None where they are plain binary.
+    """Detect the format from the first bytes of a file; None if they are plain binary.
 
     Raises
     ------
     FormatError
-        They belong to a known format that is not read here.
+        A format that is recognised but not read here.
     """
     for magic, title in _FOREIGN.items():
         if data.startswith(magic):
@@ -155,15 +155,15 @@ def format_of_content(path: Path, data: bytes) -> str | None:
     return "txt" if _TEXT_BYTES.issuperset(head) and head.isascii() else None
 
 
-def settled_format(path: Path, data: bytes, requested: str | None) -> str:
-    """Return the format to read a file as: the caller's word, or what name and content agree on.
+def detect_format(path: Path, data: bytes, requested: str | None) -> str:
+    """Return the requested format, else the one on which extension and content agree.
 
     Raises
     ------
     InvalidInput
-        `requested` is no format.
+        An unknown requested format.
     FormatError
-        The content disagrees with the name, or neither tells.
+        Extension and content disagree, or neither is that of a format.
     """
     if requested is not None:
         return require_format(requested)
@@ -174,19 +174,19 @@ def settled_format(path: Path, data: bytes, requested: str | None) -> str:
         return found
     if named is None:
         raise FormatError(
-            f"{path}: neither the name ({path.suffix or 'no extension'}) nor the content tells "
-            f"the format; pass format= as one of {', '.join(FORMATS)}"
+            f"{path}: neither the extension ({path.suffix or 'none'}) nor the content is that of a "
+            f"scan format; pass format= as one of {', '.join(FORMATS)}"
         )
     described = FORMATS[found].title if found else "unknown binary data"
     remedy = f'rename it, or pass format="{found}"' if found else "it is damaged or mislabelled"
     raise FormatError(
-        f"{path}: byte 0: expected {FORMATS[named].title}, as the ending {path.suffix} says, "
+        f"{path}: byte 0: expected {FORMATS[named].title} for the extension {path.suffix}, "
         f"found {described}; {remedy}"
     )
 
 
 def require_format(name: str) -> str:
-    """Return the name of a format, or raise `InvalidInput` with all of them."""
+    """Return the name of a format; raise `InvalidInput` with the known ones if it is unknown."""
     if name not in FORMATS:
         raise InvalidInput(f"format must be one of {', '.join(FORMATS)}, got {name!r}")
     return name

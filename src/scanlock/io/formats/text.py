@@ -1,4 +1,4 @@
-"""Tables of numbers as text: .xyz, .txt, .csv, .asc, .pts and 3DTK's .3d."""
+"""Text tables of numbers: .xyz, .txt, .csv, .asc, .pts, and .3d of 3DTK."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ from scanlock.io.numeric_text import (
     is_numeric_line,
     parse_rows,
     table_lines,
-    unfinished,
+    truncation_notes,
     without_comments,
 )
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
@@ -24,7 +24,7 @@ _CONTROL = bytes(k for k in range(32) if k not in b"\t\n\v\f\r")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _COUNT = re.compile(rb"\d{1,18}\s*")
 _POSE_TOLERANCE = 1e-3
-"""How exactly rows must be rotations or unit quaternions to be taken for poses."""
+"""Maximum deviation from rotations or unit quaternions at which rows are taken for poses."""
 
 _PREVIEW_BYTES = 1 << 16
 _PREVIEW_LINES = 20
@@ -32,12 +32,12 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
-    """Read a table with one point a line.
+    """Read a table with one point per line.
 
-    Columns are separated by commas, semicolons, tabs or spaces, whatever the name of the file
-    says. Comments start with ``#``, ``//`` or ``%``. The names of the columns come from
-    `columns`, from a first line that is no number, or from the last comment before the numbers;
-    without any, the first three are x, y and z.
+    Columns are separated by commas, semicolons, tabs or spaces, whatever the extension. Comments
+    start with ``#``, ``//`` or ``%``. Names of columns come from `columns`, from a first line that
+    is not numeric, or from the last comment before the numbers; by default, the first three
+    columns are x, y and z.
     """
     body, notes = _uncommented(path, data)
     start, end = first_line(body)
@@ -50,7 +50,7 @@ def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) ->
         announced = int(body[start:end])
     if names is not None or announced is not None:
         body = body[:start] + body[end:]
-    body, guesses = _spaced(body)
+    body, guesses = _separated_by_spaces(body)
     table = parse_rows(path, body)
     rows = len(table[0]) if table else 0
     if rows == 0 or (announced is not None and announced != rows):
@@ -62,20 +62,20 @@ def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) ->
             remedy="the file is cut short; copy or write it again",
         )
     if names is None and columns is None:
-        _require_no_trajectory(path, table)
+        _refuse_trajectory(path, table)
     if names is None:
         names = _commented_names(data[:_PREVIEW_BYTES], len(table))
-    settled = _settled_names(path, names, columns, len(table))
+    final = _final_names(path, names, columns, len(table))
     return scan_from_columns(
-        path, settled, table, format="txt", encoding="ascii", notes=(*notes, *guesses)
+        path, final, table, format="txt", encoding="ascii", notes=(*notes, *guesses)
     )
 
 
 def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write one point a line with the shortest digits that read back exactly.
+    """Write one point per line, with the shortest digits from which the same value is read.
 
-    A .csv file gets commas and a line of names; a .pts file its count. Any other gets spaces
-    and, where there are fields, a comment with the names.
+    A .csv file has commas and a line of names, and a .pts file begins with the number of points.
+    Other files have spaces and, if there are fields, a comment with the names.
     """
     fields = flat_fields(path, scan)
     require_writable_names(path, fields)
@@ -85,7 +85,7 @@ def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> N
         if values.dtype.kind not in "biuf" or values.dtype.itemsize > 8:
             raise InvalidInput(f"{path}: text cannot hold field {name} of type {values.dtype}")
         if re.search("[,;\"'#%]|//", name):
-            raise InvalidInput(f"{path}: a column of text cannot be called {name!r}; rename it")
+            raise InvalidInput(f"{path}: a column of text cannot be named {name!r}; rename it")
     suffix = path.suffix.lower()
     separator = "," if suffix == ".csv" else " "
     if suffix == ".csv":
@@ -98,28 +98,28 @@ def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> N
 
 
 def _uncommented(path: Path, data: bytes) -> tuple[bytes, list[str]]:
-    """Return the text with its comments blanked, lines in place, and remarks on the file."""
+    """Return the text with its comments removed but all lines kept, and notes on the file."""
     data = data.removeprefix(_BYTE_ORDER_MARK)
     if len(data.translate(None, delete=_CONTROL)) != len(data):
-        place = next(k for k, byte in enumerate(data) if byte in _CONTROL)
+        offset = next(k for k, byte in enumerate(data) if byte in _CONTROL)
         raise malformed(
             path,
-            f"byte {place}",
+            f"byte {offset}",
             expected="plain text",
-            found=f"the byte 0x{data[place]:02x}",
-            remedy="the file is binary or UTF-16; name its format, or save it as UTF-8",
+            found=f"the byte 0x{data[offset]:02x}",
+            remedy="the file is binary or UTF-16; pass format=, or save it as UTF-8",
         )
     notes: list[str] = []
     if path.suffix.lower() == ".3d":
-        notes.append("3DTK keeps centimetres in a left-handed frame; the numbers are as stored")
-    notes += unfinished(data)
+        notes.append("3DTK uses centimetres and a left-handed frame; values are as stored")
+    notes += truncation_notes(data)
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")
     return without_comments(data), notes
 
 
-def _spaced(body: bytes) -> tuple[bytes, list[str]]:
-    """Return the text with white space as its only separator, and what had to be guessed."""
+def _separated_by_spaces(body: bytes) -> tuple[bytes, list[str]]:
+    """Return the text with white space as its only separator, and notes on guesses."""
     if not any(mark in body for mark in (b",", b";", b'"', b"'")):
         return body, []
     guesses: list[str] = []
@@ -127,8 +127,8 @@ def _spaced(body: bytes) -> tuple[bytes, list[str]]:
     preview = body[start : start + _PREVIEW_BYTES].decode("ascii", "replace").splitlines()
     if _has_decimal_commas([line for line in preview if line.strip()][:_PREVIEW_LINES]):
         body = body.replace(b",", b".")
-        guesses.append("commas taken as decimal points, because every cell has at most one")
-    # An empty cell is a missing value; without this it would shift its row.
+        guesses.append("commas read as decimal points, since every cell has at most one")
+    # Empty cells become NaN; else the following cells of the row would shift.
     body = re.sub(rb"([,;])(?=[ \t]*[,;])", rb"\1nan", body)
     return body.translate(SEPARATORS), guesses
 
@@ -150,7 +150,7 @@ def _split_names(line: str) -> list[str]:
 
 
 def _commented_names(head: bytes, width: int) -> list[str] | None:
-    """Return the last comment before the numbers that names as many columns, x, y, z included."""
+    """Return the names in the last comment before the numbers, if they fit the columns."""
     found: list[str] | None = None
     for line in head.removeprefix(_BYTE_ORDER_MARK).splitlines():
         text = line.strip()
@@ -164,44 +164,44 @@ def _commented_names(head: bytes, width: int) -> list[str] | None:
     return found
 
 
-def _settled_names(
+def _final_names(
     path: Path, header: list[str] | None, columns: tuple[str, ...] | int | None, width: int
 ) -> tuple[str, ...]:
-    asked = len(columns) if isinstance(columns, tuple) else columns
-    if asked is not None and asked != width:
-        raise _column_fault(path, f"{asked} columns, as asked for", width)
+    requested = len(columns) if isinstance(columns, tuple) else columns
+    if requested is not None and requested != width:
+        raise _column_error(path, f"{requested} columns, as requested", width)
     if isinstance(columns, tuple):
         return columns
     if header is not None:
         if len(header) != width:
-            raise _column_fault(path, f"a number for each of {', '.join(header)}", width)
+            raise _column_error(path, f"a number for each of {', '.join(header)}", width)
         return tuple(header)
     if width < 3:
-        raise _column_fault(path, "at least three columns", width)
+        raise _column_error(path, "at least three columns", width)
     return numbered_names(width)
 
 
-def _require_no_trajectory(path: Path, table: list[Field]) -> None:
-    """Raise `FormatError` for unnamed columns that are plainly poses: KITTI's 12, or TUM's 8."""
+def _refuse_trajectory(path: Path, table: list[Field]) -> None:
+    """Raise `FormatError` for unnamed columns that are poses: 12 of KITTI, or 8 of TUM."""
     if len(table) not in (8, 12):
         return
     values = np.stack([np.asarray(column, dtype=np.float64) for column in table], axis=1)
     if len(table) == 12:
         rotations = values.reshape(-1, 3, 4)[:, :, :3]
-        gap = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
+        deviation = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
     else:
-        gap = np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1.0).max(initial=0.0)
-    if gap < _POSE_TOLERANCE:
+        deviation = np.abs(np.linalg.norm(values[:, 4:], axis=1) - 1.0).max(initial=0.0)
+    if deviation < _POSE_TOLERANCE:
         raise malformed(
             path,
             "data",
             expected="points",
-            found=f"{len(values)} poses of a trajectory ({len(table)} numbers a line)",
-            remedy="give it where poses are asked for, or name the columns with columns=",
+            found=f"{len(values)} poses of a trajectory ({len(table)} numbers per line)",
+            remedy="pass the file as poses, or name its columns with columns=",
         )
 
 
-def _column_fault(path: Path, expected: str, width: int) -> FormatError:
+def _column_error(path: Path, expected: str, width: int) -> FormatError:
     return malformed(
         path,
         "data",

@@ -1,1 +1,5 @@
-"""Settings of methods as TOML text and files."""
+"""TOML text and files of method settings.
+
+The settings themselves are the dataclasses of `scanlock.registration.methods` and below; this
+folder only converts them, for any class whose fields have annotations that TOML can hold.
+"""

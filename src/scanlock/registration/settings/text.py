@@ -1,4 +1,4 @@
-"""Settings as TOML text: as much of TOML as settings need, with a comment for each of them."""
+"""TOML text of settings, with the docstring of each attribute as a comment."""
 
 import dataclasses
 import enum
@@ -18,66 +18,66 @@ from scanlock.registration.settings.types import (
 )
 
 NONE = "none"
-"""What stands for None, which TOML does not have, where leaving a key out would not do."""
+"""TOML value for None, used where leaving a key out would mean another default."""
 
-_WIDTH = 88
+_COMMENT_WIDTH = 88
 
 
 def settings_text(settings: object) -> str:
-    """Return settings as TOML, every default included, with the docstrings as comments.
+    """Return settings as TOML, defaults included, with docstrings as comments.
 
-    Numbers keep every digit. A setting that is None by default, and is None, is a comment.
+    Numbers keep every digit. A setting that is None, and is None by default, is commented out.
 
     Raises
     ------
     InvalidInput
-        A value of a class that a file cannot name.
+        A value of a class that its annotation does not allow in a file.
     """
     lines = [f"type = {_quoted(type(settings).__name__)}", *_fields(settings, None, "", True)]
     return "\n".join(lines) + "\n"
 
 
-def _fields(settings: Any, base: object, path: str, explained: bool) -> Iterator[str]:
-    """Yield the lines of all fields: plain ones first, for a table ends where another begins."""
+def _fields(settings: Any, base: object, path: str, with_comments: bool) -> Iterator[str]:
+    """Yield the lines of all fields: plain values first, since a table ends at the next header."""
     kind: type = type(settings)
-    remarks = docstrings_of(kind) if explained else {}
+    docstrings = docstrings_of(kind) if with_comments else {}
     tables: list[str] = []
     for name, annotation in annotations_of(kind).items():
         value, allows = getattr(settings, name), allowed(annotation)
         if _is_table(value) or _is_table_list(value):
             tables.append(name)
             continue
-        yield from _remark(remarks.get(name), allows)
+        yield from _comment(docstrings.get(name), allows)
         is_default = value is None and default_of(kind, name, base) is None
-        yield f"{'# ' if is_default else ''}{name} = {_plain(value, _place(kind, name))}"
+        yield f"{'# ' if is_default else ''}{name} = {_plain(value, _full_name(kind, name))}"
     for name in tables:
         value, allows = getattr(settings, name), allowed(annotations_of(kind)[name])
         inner = f"{path}.{name}" if path else name
-        yield from _remark(remarks.get(name), allows) or ("",)
+        yield from _comment(docstrings.get(name), allows) or ("",)
         if _is_table(value):
             yield f"[{inner}]"
-            yield from _tag(value, allows, _place(kind, name))
-            yield from _fields(value, default_of(kind, name, base), inner, explained)
+            yield from _class_line(value, allows, _full_name(kind, name))
+            yield from _fields(value, default_of(kind, name, base), inner, with_comments)
             continue
         [each] = {items[0] for items in allows.tuples}
         for index, item in enumerate(value):
             yield from ("",) if index else ()
             yield f"[[{inner}]]"
-            yield from _tag(item, allowed(each), _place(kind, name))
-            yield from _fields(item, None, inner, explained and index == 0)
+            yield from _class_line(item, allowed(each), _full_name(kind, name))
+            yield from _fields(item, None, inner, with_comments and index == 0)
 
 
-def _tag(settings: object, allows: Allowed, place: str) -> Iterator[str]:
-    """Yield the line that says which class a table is of, where that is not clear."""
+def _class_line(settings: object, allows: Allowed, field: str) -> Iterator[str]:
+    """Yield the line with the class of a table, where several classes are allowed."""
     name = type(settings).__name__
     if type(settings) not in allows.classes:
-        raise InvalidInput(f"{place} must be {allows} to be written, got settings of type {name}")
+        raise InvalidInput(f"{field} must be {allows} to be written as TOML, got {name}")
     if len(allows.classes) > 1:
         yield f"type = {_quoted(name)}"
 
 
-def _remark(text: str | None, allows: Allowed) -> list[str]:
-    """Return what a setting is for as lines of comments, an empty one before them."""
+def _comment(text: str | None, allows: Allowed) -> list[str]:
+    """Return an empty line and the comment lines of a setting: its docstring and its choices."""
     if text is None:
         return []
     sentences = [text]
@@ -85,7 +85,7 @@ def _remark(text: str | None, allows: Allowed) -> list[str]:
         sentences.append(f"One of {', '.join(kind.__name__ for kind in allows.classes)}.")
     elif allows.choices:
         sentences.append(f"One of {', '.join(allows.choices)}.")
-    wrap = textwrap.TextWrapper(_WIDTH, initial_indent="# ", subsequent_indent="# ")
+    wrap = textwrap.TextWrapper(_COMMENT_WIDTH, initial_indent="# ", subsequent_indent="# ")
     return ["", *(line for sentence in sentences for line in wrap.wrap(sentence))]
 
 
@@ -97,12 +97,12 @@ def _is_table_list(value: object) -> bool:
     return isinstance(value, tuple) and any(map(_is_table, value))
 
 
-def _place(kind: type, name: str) -> str:
+def _full_name(kind: type, name: str) -> str:
     return f"{kind.__name__}.{name}"
 
 
-def _plain(value: Any, place: str) -> str:
-    """Return a value that fits on one line."""
+def _plain(value: Any, field: str) -> str:
+    """Return the TOML of a value that is no table."""
     if value is None:
         return _quoted(NONE)
     if isinstance(value, bool):
@@ -118,10 +118,13 @@ def _plain(value: Any, place: str) -> str:
         return repr(float(value))
     if isinstance(value, tuple):
         items: tuple[Any, ...] = value
-        return f"[{', '.join(_plain(item, place) for item in items)}]"
-    raise InvalidInput(f"{place} must be plain to be written, got {type(value).__name__}")
+        return f"[{', '.join(_plain(item, field) for item in items)}]"
+    raise InvalidInput(
+        f"{field} must be a number, string, list or table to be written as TOML, got "
+        f"{type(value).__name__}"
+    )
 
 
 def _quoted(text: str) -> str:
-    # JSON escapes all that TOML wants escaped but one character.
+    # JSON escapes every character that TOML requires to be escaped, except DEL.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""What the annotation of a setting allows a file to hold, and what its docstring says."""
+"""Allowed values of a setting, from its annotation, and the docstrings of its fields."""
 
 import ast
 import dataclasses
@@ -16,57 +16,58 @@ from itertools import pairwise
 from typing import Any, Literal
 
 Scalar = bool | int | float | str
-"""What TOML and settings write alike."""
+"""Types that TOML and settings have in common."""
 
 _SCALARS: dict[type, str] = {
     bool: "true or false",
     int: "a whole number",
     float: "a number",
-    str: "a text",
+    str: "a string",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """What one annotation allows.
+    """Values that one annotation allows.
 
     Attributes
     ----------
     classes : tuple of type
-        Settings, one table each; a table says which by its key ``type`` where there are several.
+        Settings classes, written as tables. Where there are several, the key ``type`` of a table
+        names its class.
     scalars : tuple of type
-        Among bool, int, float and str.
-    words : tuple
-        The values of a Literal.
+        Those of bool, int, float and str.
+    literals : tuple
+        Values of a Literal.
     enums : tuple of type
-        Their members go by name.
+        Enumerations, whose members are written by name.
     tuples : tuple
-        For each tuple the annotations of its items, alike, or of one and an ellipsis.
+        For each tuple, the annotations of its items: all the same, or one and an ellipsis.
     is_optional : bool
-        Whether None will do.
+        Whether None is allowed.
     """
 
     classes: tuple[type, ...]
     scalars: tuple[type, ...]
-    words: tuple[Scalar, ...]
+    literals: tuple[Scalar, ...]
     enums: tuple[type[enum.Enum], ...]
     tuples: tuple[tuple[Any, ...], ...]
     is_optional: bool
 
     @property
     def choices(self) -> list[str]:
-        """The words and members to choose from, as a file has them."""
+        """Literals and enumeration members, as written in a file."""
         members = [member.name for kind in self.enums for member in kind]
-        return [json.dumps(word, ensure_ascii=False) for word in (*self.words, *members)]
+        return [json.dumps(value, ensure_ascii=False) for value in (*self.literals, *members)]
 
-    def takes(self, value: object) -> bool:
-        """Tell whether a value will do just as a file has it; 1 is neither true nor 1.0."""
+    def accepts(self, value: object) -> bool:
+        """Return whether a TOML value is allowed without conversion; 1 is neither true nor 1.0."""
         return type(value) in self.scalars or any(
-            type(value) is type(word) and value == word for word in self.words
+            type(value) is type(literal) and value == literal for literal in self.literals
         )
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Describe the allowed values for error messages."""
         parts = [_SCALARS[kind] for kind in self.scalars]
         if self.choices:
             parts.append(f"one of {', '.join(self.choices)}")
@@ -80,20 +81,20 @@ class Allowed:
 
 @cache
 def allowed(annotation: Any) -> Allowed:
-    """Return what an annotation allows.
+    """Return the values that an annotation allows.
 
-    A Protocol allows the settings that keep it among those of its own module, so that a file can
-    choose between them but cannot name any other class.
+    A Protocol allows the settings classes of its own module that implement it, so that a file
+    can choose between them but cannot name any other class.
 
     Raises
     ------
     TypeError
-        It is of a kind that no file can hold.
+        A type that TOML cannot hold.
     """
     parts = list(_parts(annotation))
     kinds = [part for part in parts if isinstance(part, type)]
     literals = [part for part in parts if typing.get_origin(part) is Literal]
-    tuples = [part for part in parts if typing.get_origin(part) is tuple and _is_even(part)]
+    tuples = [part for part in parts if typing.get_origin(part) is tuple and _is_homogeneous(part)]
     classes = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
     scalars = [kind for kind in kinds if kind in _SCALARS]
     enums = [kind for kind in kinds if issubclass(kind, enum.Enum)]
@@ -103,7 +104,7 @@ def allowed(annotation: Any) -> Allowed:
     return Allowed(
         classes=tuple(classes),
         scalars=tuple(scalars),
-        words=tuple(word for literal in literals for word in typing.get_args(literal)),
+        literals=tuple(value for literal in literals for value in typing.get_args(literal)),
         enums=tuple(enums),
         tuples=tuple(typing.get_args(part) for part in tuples),
         is_optional=is_optional,
@@ -112,15 +113,15 @@ def allowed(annotation: Any) -> Allowed:
 
 @cache
 def annotations_of(settings: type) -> dict[str, Any]:
-    """Return the annotation of each field of a class of settings."""
+    """Return the annotation of each field of a settings class."""
     hints = typing.get_type_hints(settings)
     return {field.name: hints[field.name] for field in dataclasses.fields(settings)}
 
 
 def default_of(settings: type, name: str, base: object) -> Any:
-    """Return what a field is when nobody sets it; `dataclasses.MISSING` where it must be set.
+    """Return the default of a field; `dataclasses.MISSING` where it has none.
 
-    That of `base`, where that is of the same class, else the default of the class.
+    The default is the value in `base` if that is of the same class, else that of the class.
     """
     if type(base) is settings:
         return getattr(base, name)
@@ -132,7 +133,7 @@ def default_of(settings: type, name: str, base: object) -> Any:
 
 @cache
 def docstrings_of(settings: type) -> dict[str, str]:
-    """Return the docstring of each field as plain text; none where the source is not at hand."""
+    """Return the docstring of each field as plain text; none where no source is available."""
     try:
         source = textwrap.dedent(inspect.getsource(settings))
     except OSError:
@@ -144,31 +145,32 @@ def docstrings_of(settings: type) -> dict[str, str]:
         match field, text:
             case (
                 ast.AnnAssign(target=ast.Name(id=name)),
-                ast.Expr(value=ast.Constant(value=str(words))),
+                ast.Expr(value=ast.Constant(value=str(docstring))),
             ):
-                found[name] = " ".join(words.replace("`", "").split())
+                found[name] = " ".join(docstring.replace("`", "").split())
             case _:
                 pass
     return found
 
 
-def _is_even(annotation: Any) -> bool:
-    """Tell whether all items of a tuple have the same annotation."""
+def _is_homogeneous(annotation: Any) -> bool:
+    """Return whether all items of a tuple have the same annotation."""
     return len({item for item in typing.get_args(annotation) if item is not ...}) == 1
 
 
 def _parts(annotation: Any) -> Iterator[Any]:
-    """Yield the alternatives of an annotation, unions and protocols taken apart."""
+    """Yield the alternatives of an annotation, with unions and protocols expanded."""
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         for part in typing.get_args(annotation):
             yield from _parts(part)
     elif isinstance(annotation, type) and getattr(annotation, "_is_protocol", False):
-        yield from _keepers(annotation)
+        yield from _implementations(annotation)
     else:
         yield annotation
 
 
-def _keepers(protocol: type) -> Iterator[type]:
+def _implementations(protocol: type) -> Iterator[type]:
+    """Yield the dataclasses of a protocol's module that have all of its public members."""
     members = {name for name in vars(protocol) if not name.startswith("_")}
     module = sys.modules[protocol.__module__]
     for value in vars(module).values():

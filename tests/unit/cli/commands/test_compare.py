@@ -126,7 +126,7 @@ def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
         (["drive", "--methods", "magic"], "magic"),
         (["drive", "--apart", "0"], "--apart must be a whole number"),
         (["drive", "--metres", "0"], "metres must be positive"),
-        (["drive", "--agree", "--distances", "2", "1"], "distances must grow"),
+        (["drive", "--agree", "--distances", "2", "1"], "distances must be strictly ascending"),
     ],
 )
 def test_wrong_arguments_are_told_before_the_work(

@@ -14,7 +14,7 @@ def _rows(room_scan, width, rows=1200):
 
 @pytest.mark.parametrize("width", [3, 4, 5])
 @pytest.mark.parametrize("order", ["file", "shuffled"])
-def test_finds_the_row_length_of_ambiguous_sizes(room_scan, save, width, order):
+def test_the_row_length_of_ambiguous_sizes_is_guessed(room_scan, save, width, order):
     rows = _rows(room_scan, width)
     if order == "shuffled":
         rows = np.random.default_rng(1).permutation(rows)
@@ -26,13 +26,13 @@ def test_finds_the_row_length_of_ambiguous_sizes(room_scan, save, width, order):
     assert any(f"{width} float32 columns guessed" in note for note in scan.notes)
 
 
-def test_a_size_that_fits_twelve_but_not_sixteen_means_xyz(save):
+def test_the_only_row_length_that_fits_the_size_is_assumed(save):
     scan = read_scan(save("a.bin", np.arange(1, 22, dtype="<f4").tobytes()))
     assert scan.points.shape == (7, 3)
-    assert "only usual row length" in scan.notes[0]
+    assert "only common number" in scan.notes[0]
 
 
-def test_the_caller_overrides_the_guess(room_scan, save):
+def test_given_columns_override_the_guess(room_scan, save):
     rows = _rows(room_scan, 4)
     path = save("a.bin", rows.tobytes())
     named = read_scan(path, columns="x y z label")
@@ -43,17 +43,17 @@ def test_the_caller_overrides_the_guess(room_scan, save):
     assert np.array_equal(swapped.points, rows[:, [3, 2, 1]])
 
 
-def test_nothing_to_tell_by_falls_back_to_convention_and_says_so(save):
+def test_an_undecided_row_length_is_assumed_with_a_note(save):
     same = np.random.default_rng(3).random((240, 1)).repeat(4, axis=1).ravel().astype("<f4")
     scan = read_scan(save("a.bin", same.tobytes()))
     assert scan.points.shape == (240, 3)
-    assert "by convention only" in scan.notes[0]
+    assert "assumed: the size also fits" in scan.notes[0]
     negative = read_scan(save("b.bin", (same - 0.5).tobytes()))
     assert negative.points.shape == (320, 3)
 
 
 @pytest.mark.parametrize("width", [3, 4])
-def test_a_cut_file_is_found_by_what_its_rows_look_like(room_scan, save, width):
+def test_truncated_files_are_detected_by_their_values(room_scan, save, width):
     data = _rows(room_scan, width).tobytes()
     for left in range(1, 4 * width):
         cut = save("a.bin", data[: len(data) - 4 * width + left])
@@ -72,12 +72,12 @@ def test_a_cut_file_is_found_by_what_its_rows_look_like(room_scan, save, width):
         (np.full(1, 2.5, "<f4"), "3, 4 or 5"),
     ],
 )
-def test_refuses_what_holds_no_coordinates(save, content, complaint):
+def test_implausible_coordinates_are_refused(save, content, complaint):
     with pytest.raises(FormatError, match=complaint):
         read_scan(save("a.bin", content.tobytes()))
 
 
-def test_plausibility_is_the_callers_business_once_columns_are_named(save):
+def test_given_columns_skip_the_plausibility_check(save):
     path = save("a.bin", np.linspace(0, 0.1, 3000).astype("<f4").tobytes())
     assert len(read_scan(path, columns=3)) == 1000
     with pytest.raises(FormatError, match="whole rows of 7"):
@@ -86,14 +86,14 @@ def test_plausibility_is_the_callers_business_once_columns_are_named(save):
 
 @pytest.mark.parametrize(
     ("columns", "complaint"),
-    [(2, "at least 3"), ("x y label", "name x, y and z"), ("x y z z", "differ")],
+    [(2, "at least 3"), ("x y label", "name x, y and z"), ("x y z z", "unique names")],
 )
-def test_refuses_columns_that_make_no_sense(save, columns, complaint):
+def test_invalid_columns_are_refused(save, columns, complaint):
     with pytest.raises(InvalidInput, match=complaint):
         read_scan(save("a.bin", bytes(48)), columns=columns)
 
 
-def test_writes_kitti_rows(tmp_path, room_scan):
+def test_rows_are_written_as_in_kitti(tmp_path, room_scan):
     rows = _rows(room_scan, 4)
     path = tmp_path / "a.bin"
     write_scan(path, rows[:, :3], {"intensity": rows[:, 3]})
@@ -102,7 +102,7 @@ def test_writes_kitti_rows(tmp_path, room_scan):
     assert path.read_bytes() == rows[:, :3].tobytes()
 
 
-def test_keeps_rows_with_nan(tmp_path, room_scan):
+def test_rows_with_nan_are_kept(tmp_path, room_scan):
     points = _rows(room_scan, 3)
     points[5] = np.nan
     write_scan(tmp_path / "a.bin", points)
@@ -110,12 +110,12 @@ def test_keeps_rows_with_nan(tmp_path, room_scan):
     assert np.array_equal(again.points, points, equal_nan=True)
 
 
-def test_the_writer_refuses_to_lose_fields_or_metres(tmp_path):
+def test_the_writer_refuses_other_fields_and_large_coordinates(tmp_path):
     path = tmp_path / "a.bin"
-    with pytest.raises(InvalidInput, match="fields ring"):
+    with pytest.raises(InvalidInput, match="intensity only, got ring"):
         write_scan(path, np.ones((3, 3)), {"ring": np.arange(3)})
-    with pytest.raises(InvalidInput, match="move points by up to 0"):
+    with pytest.raises(InvalidInput, match="round coordinates by up to 0"):
         write_scan(path, np.full((3, 3), 5_403_210.2))
-    with pytest.raises(InvalidInput, match="move points by up to inf"):
+    with pytest.raises(InvalidInput, match="round coordinates by up to inf"):
         write_scan(path, np.full((3, 3), 1e40))
     assert not path.exists()

@@ -26,38 +26,38 @@ def test_no_extension_belongs_to_two_formats():
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name != "bin"])
-def test_content_tells_the_format_where_the_name_does_not(tmp_path, name):
+def test_the_format_of_unknown_extensions_is_detected_from_the_content(tmp_path, name):
     path = tmp_path / "a.scan"
     write_scan(path, _POINTS, format=name)
     assert read_scan(path).format == name
 
 
-def test_raw_floats_are_told_by_their_name_only(tmp_path):
+def test_raw_floats_need_their_extension_or_a_format(tmp_path):
     path = tmp_path / "a.scan"
     write_scan(path, _POINTS, format="bin")
-    with pytest.raises(FormatError, match=r"neither the name \(.scan\) nor the content"):
+    with pytest.raises(FormatError, match=r"neither the extension \(.scan\) nor the content"):
         read_scan(path)
     assert len(read_scan(path, format="bin", columns=3)) == 40
 
 
-@pytest.mark.parametrize("held", list(FORMATS))
+@pytest.mark.parametrize("stored", list(FORMATS))
 @pytest.mark.parametrize("named", list(FORMATS))
-def test_a_name_that_lies_is_named_with_what_was_found(tmp_path, held, named):
+def test_an_extension_that_disagrees_with_the_content_is_refused(tmp_path, stored, named):
     path = tmp_path / f"a{FORMATS[named].extensions[0]}"
-    write_scan(path, _POINTS, format=held)
-    if held == named:
+    write_scan(path, _POINTS, format=stored)
+    if stored == named:
         assert len(read_scan(path)) == 40
         return
-    found = FORMATS[held].title if held != "bin" else "unknown binary data"
-    if (held, named) == ("bin", "txt"):
+    found = FORMATS[stored].title if stored != "bin" else "unknown binary data"
+    if (stored, named) == ("bin", "txt"):
         found = "the byte 0x"
     with pytest.raises(FormatError) as caught:
         read_scan(path)
     assert found in str(caught.value)
-    if held != "bin":
+    if stored != "bin":
         assert FORMATS[named].title in str(caught.value)
-        assert f'format="{held}"' in str(caught.value)
-        assert len(read_scan(path, format=held)) == 40
+        assert f'format="{stored}"' in str(caught.value)
+        assert len(read_scan(path, format=stored)) == 40
 
 
 @pytest.mark.parametrize(
@@ -70,19 +70,19 @@ def test_a_name_that_lies_is_named_with_what_was_found(tmp_path, held, named):
         (b"\x1f\x8b\x08\0", "gzip"),
     ],
 )
-def test_known_strangers_are_called_by_their_names(save, content, title):
+def test_other_known_formats_are_named_in_the_error(save, content, title):
     for name in ("a.bin", "a.unknown", "a.txt"):
         with pytest.raises(FormatError, match=f"found a {title}"):
             read_scan(save(name, content + bytes(100)))
 
 
 @pytest.mark.parametrize("name", _NAMES)
-def test_empty_files_are_refused_by_every_name(save, name):
+def test_empty_files_are_refused_for_every_extension(save, name):
     with pytest.raises(FormatError, match="byte 0: expected a scan file, found an empty file"):
         read_scan(save(f"a{name}", b""))
 
 
-def test_missing_files_and_folders(tmp_path):
+def test_missing_files_and_folders_are_refused(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such scan file") as caught:
         read_scan(tmp_path / "no.pcd")
     assert caught.value.filename == str(tmp_path / "no.pcd")
@@ -90,17 +90,17 @@ def test_missing_files_and_folders(tmp_path):
         read_scan(tmp_path)
 
 
-def test_choices_that_do_not_exist(tmp_path, save):
+def test_unknown_formats_and_encodings_are_refused(tmp_path, save):
     path = tmp_path / "a.pcd"
     with pytest.raises(InvalidInput, match="format must be one of bin, npy"):
         write_scan(path, _POINTS, format="pdc")
     with pytest.raises(InvalidInput, match="format must be one of bin, npy"):
         read_scan(save("b.pcd", b"x"), format="pdc")
-    with pytest.raises(InvalidInput, match="stands for no format"):
+    with pytest.raises(InvalidInput, match="must be that of a scan format"):
         write_scan(tmp_path / "a.stl", _POINTS)
     with pytest.raises(InvalidInput, match="encoding of npy must be one of binary"):
         write_scan(tmp_path / "a.npy", _POINTS, encoding="ascii")
-    with pytest.raises(InvalidInput, match="ply keeps no height"):
+    with pytest.raises(InvalidInput, match="height and viewpoint cannot be written as ply"):
         write_scan(tmp_path / "a.ply", _POINTS, height=2)
 
 
@@ -108,7 +108,7 @@ def test_choices_that_do_not_exist(tmp_path, save):
     "points",
     [np.zeros((4, 2)), np.zeros((4, 4)), np.zeros(3), np.zeros((0, 3)), np.full((2, 3), "a")],
 )
-def test_refuses_to_write_what_is_no_cloud(tmp_path, points):
+def test_arrays_that_are_no_points_are_not_written(tmp_path, points):
     with pytest.raises(InvalidInput, match="points must"):
         write_scan(tmp_path / "a.npy", points)
     assert list(tmp_path.iterdir()) == []
@@ -124,7 +124,7 @@ def test_a_failed_write_keeps_the_old_scan(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.ply"]
 
 
-def test_writing_leaves_the_callers_arrays_alone(tmp_path):
+def test_written_arrays_stay_writable(tmp_path):
     points, ring = _POINTS.copy(), np.arange(40)
     write_scan(tmp_path / "a.pcd", points, {"ring": ring})
     points[0], ring[0] = 1.0, 5

@@ -25,25 +25,25 @@ def _npz(**arrays):
 
 @pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "<i2"])
 @pytest.mark.parametrize("order", ["C", "F"])
-def test_reads_plain_arrays(save, dtype, order):
+def test_plain_arrays_are_read(save, dtype, order):
     array = np.asarray(_POINTS * 100, dtype=dtype, order=order)
     scan = read_scan(save("a.npy", _npy(array)))
     assert np.array_equal(scan.points, array)
     assert scan.coordinate_dtype == np.dtype(dtype).newbyteorder("=").name
 
 
-def test_unnamed_columns_promise_nothing_and_can_be_named(save):
+def test_unnamed_columns_are_numbered_and_can_be_named(save):
     wide = np.column_stack([_POINTS, np.arange(6), np.ones(6)])
     path = save("a.npy", _npy(wide))
     assert list(read_scan(path).fields) == ["column_4", "column_5"]
     named = read_scan(path, columns="ring x y z t")
     assert np.array_equal(named.points, wide[:, 1:4])
     assert list(named.fields) == ["ring", "t"]
-    with pytest.raises(FormatError, match="3 columns, as asked for, found 5"):
+    with pytest.raises(FormatError, match="3 columns, as requested, found 5"):
         read_scan(path, columns="x y z")
 
 
-def test_reads_structured_arrays_and_vectors_of_names(save):
+def test_structured_arrays_are_read(save):
     table = np.zeros(6, dtype=[("t", "<u8"), ("x", "f4"), ("y", "f4"), ("z", "f4")])
     table["t"] = 2**63 + np.arange(6, dtype=np.uint64)
     table["y"] = 7
@@ -54,7 +54,7 @@ def test_reads_structured_arrays_and_vectors_of_names(save):
     assert np.array_equal(archive.points, _POINTS)
 
 
-def test_reads_archives_and_says_what_it_leaves_out(save):
+def test_archives_are_read_and_skipped_arrays_noted(save):
     path = save("a.npz", _npz(points=_POINTS, ring=np.arange(6), calibration=np.eye(4)))
     scan = read_scan(path)
     assert np.array_equal(scan.points, _POINTS)
@@ -84,7 +84,7 @@ def test_round_trip(tmp_path, name, dtype):
         assert np.array_equal(again.fields[key], value)
 
 
-def test_other_programs_read_what_is_written(tmp_path):
+def test_numpy_reads_the_written_files(tmp_path):
     write_scan(tmp_path / "a.npy", _POINTS)
     assert np.array_equal(np.load(tmp_path / "a.npy"), _POINTS)
     write_scan(tmp_path / "a.npz", _POINTS, {"ring": np.arange(6)}, encoding="compressed")
@@ -93,16 +93,16 @@ def test_other_programs_read_what_is_written(tmp_path):
         assert np.array_equal(archive["ring"], np.arange(6))
 
 
-class _Bomb:
+class _PickleBomb:
     def __reduce__(self):
         return exec, ("raise AssertionError('unpickled')",)
 
 
-def test_never_unpickles(save):
+def test_pickled_objects_are_refused(save):
     with pytest.raises(FormatError, match="object"):
-        read_scan(save("a.npy", _npy(np.array([_Bomb()], dtype=object), allow_pickle=True)))
+        read_scan(save("a.npy", _npy(np.array([_PickleBomb()], dtype=object), allow_pickle=True)))
     with pytest.raises(FormatError):
-        read_scan(save("b.npy", pickle.dumps(_Bomb())), format="npy")
+        read_scan(save("b.npy", pickle.dumps(_PickleBomb())), format="npy")
 
 
 @pytest.mark.parametrize(
@@ -114,15 +114,18 @@ def test_never_unpickles(save):
         (np.zeros((6, 3), bool), "bool"),
         (np.zeros((0, 3)), "at least one point"),
         (np.zeros(6, dtype=[("a", "f8"), ("b", "f8")]), "columns named x, y and z, found a, b"),
-        (np.zeros(2, dtype=[("x", "f8", 2), ("y", "f8"), ("z", "f8")]), "one number a point for x"),
+        (
+            np.zeros(2, dtype=[("x", "f8", 2), ("y", "f8"), ("z", "f8")]),
+            "one number per point for x",
+        ),
     ],
 )
-def test_refuses_what_is_no_scan(save, array, complaint):
+def test_arrays_that_are_no_scan_are_refused(save, array, complaint):
     with pytest.raises(FormatError, match=complaint):
         read_scan(save("a.npy", _npy(array)))
 
 
-def test_refuses_more_or_less_than_the_header_announces(save):
+def test_sizes_that_differ_from_the_header_are_refused(save):
     data = _npy(_POINTS)
     with pytest.raises(FormatError, match="byte 128: expected 144 bytes"):
         read_scan(save("a.npy", data[:-1]))
@@ -130,7 +133,7 @@ def test_refuses_more_or_less_than_the_header_announces(save):
         read_scan(save("a.npy", data + b"\0"))
 
 
-def test_refuses_archives_without_points(save):
+def test_archives_without_points_are_refused(save):
     with pytest.raises(FormatError, match="found a, b"):
         read_scan(save("a.npz", _npz(a=_POINTS, b=_POINTS)))
     stream = io.BytesIO()
@@ -140,6 +143,6 @@ def test_refuses_archives_without_points(save):
         read_scan(save("b.npz", stream.getvalue()))
 
 
-def test_the_writer_refuses_names_that_an_archive_keeps_for_itself(tmp_path):
-    with pytest.raises(InvalidInput, match="field named points"):
+def test_reserved_names_are_not_written(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be named points"):
         write_scan(tmp_path / "a.npz", _POINTS, {"points": np.arange(6)})

@@ -64,7 +64,7 @@ def test_round_trip_of_every_type(tmp_path, encoding, dtype):
 
 
 @pytest.mark.parametrize("encoding", ["binary", "ascii", "compressed"])
-def test_agrees_with_the_slow_reader(tmp_path, encoding):
+def test_the_reader_agrees_with_the_reference(tmp_path, encoding):
     path = tmp_path / "a.pcd"
     write_scan(path, _POINTS, _FIELDS, encoding=encoding)
     scan, slow = read_scan(path), read_slowly(path)
@@ -73,7 +73,7 @@ def test_agrees_with_the_slow_reader(tmp_path, encoding):
         assert np.array_equal(scan.fields[name], slow[name])
 
 
-def test_compressed_files_hold_one_field_after_the_other(tmp_path):
+def test_compressed_files_are_stored_field_by_field(tmp_path):
     path = tmp_path / "a.pcd"
     write_scan(path, _POINTS, {"ring": _FIELDS["u1"]}, encoding="compressed")
     data = path.read_bytes()
@@ -85,7 +85,7 @@ def test_compressed_files_hold_one_field_after_the_other(tmp_path):
     assert size == _N * 25
 
 
-def test_compresses_with_one_machine_code_each(tmp_path):
+def test_compression_kernels_have_one_signature(tmp_path):
     from scanlock.kernels.io.lzf import lzf_decode, lzf_encode
 
     for dtype in ("f4", "f8"):
@@ -96,7 +96,7 @@ def test_compresses_with_one_machine_code_each(tmp_path):
 
 
 @pytest.mark.parametrize("encoding", ["binary", "ascii", "compressed"])
-def test_skips_padding(save, encoding):
+def test_padding_is_skipped(save, encoding):
     header = _HEADER.replace("FIELDS x y z", "FIELDS x _ y z _ ring")
     header = header.replace("SIZE 4 4 4", "SIZE 4 1 4 4 2 2").replace(
         "TYPE F F F", "TYPE F U F F U U"
@@ -122,14 +122,14 @@ def test_skips_padding(save, encoding):
     assert scan.fields["ring"].tolist() == [7, 8]
 
 
-def test_forgives_padding_after_the_data_but_not_points(save):
+def test_padding_after_the_data_is_accepted_and_points_are_not(save):
     binary = _HEADER.replace("ascii", "binary").encode() + struct.pack("<6f", *range(6))
     assert len(read_scan(save("a.pcd", binary + bytes(4096 - len(binary))))) == 2
     with pytest.raises(FormatError, match="expected 24 bytes of data from byte"):
         read_scan(save("a.pcd", binary + struct.pack("<3f", 6, 7, 8)))
 
 
-def test_old_headers_go_without_count_viewpoint_and_height(save):
+def test_old_headers_without_count_viewpoint_and_height_are_read(save):
     lines = [line for line in _ASCII.splitlines(True) if line.split()[0] not in ("COUNT", "HEIGHT")]
     lines = [line for line in lines if not line.startswith(("VIEWPOINT", "WIDTH", "#"))]
     scan = read_scan(save("a.pcd", "".join(lines).replace("FIELDS", "COLUMNS")))
@@ -137,7 +137,7 @@ def test_old_headers_go_without_count_viewpoint_and_height(save):
     assert scan.viewpoint is None
 
 
-def test_reads_crlf_comments_and_blank_lines(save):
+def test_crlf_comments_and_blank_lines_are_read(save):
     text = _ASCII.replace("POINTS 2\n", "POINTS 2\n# a comment\n\n") + "\n"
     scan = read_scan(save("a.pcd", text.replace("\n", "\r\n")))
     assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
@@ -172,13 +172,13 @@ def test_viewpoint_is_the_pose_of_the_sensor(save):
         ("DATA ascii", "DATA zipped", "ascii, binary, binary_compressed"),
         ("POINTS 2", "POINTS 2\nPOINTS 2", "line 11"),
         ("POINTS 2", "SPEED 2", "line 10: expected one of"),
-        ("4 5 6\n", "", "expected 2 rows, as POINTS says, found 1"),
-        ("4 5 6\n", "4 5 6\n7 8 9\n", "expected 2 rows, as POINTS says, found 3"),
+        ("4 5 6\n", "", "expected 2 rows, as given by POINTS, found 1"),
+        ("4 5 6\n", "4 5 6\n7 8 9\n", "expected 2 rows, as given by POINTS, found 3"),
         ("4 5 6", "4 5", "line 13: expected 3 numbers, found 2"),
         ("4 5 6", "4 five 6", "line 13: expected a number, found 'five'"),
     ],
 )
-def test_names_the_line_that_is_wrong(save, old, new, complaint):
+def test_errors_name_the_invalid_line(save, old, new, complaint):
     assert old in _ASCII
     with pytest.raises(FormatError, match=complaint):
         read_scan(save("a.pcd", _ASCII.replace(old, new)))
@@ -187,7 +187,7 @@ def test_names_the_line_that_is_wrong(save, old, new, complaint):
 @pytest.mark.parametrize(
     ("kind", "value"), [("U 1", "256"), ("U 1", "-1"), ("I 2", "1.5"), ("F 4", "1e39")]
 )
-def test_refuses_ascii_values_that_the_declared_type_cannot_hold(save, kind, value):
+def test_ascii_values_beyond_the_declared_type_are_refused(save, kind, value):
     letter, size = kind.split()
     text = _ASCII.replace("x y z", "x y z ring").replace("4 4 4", f"4 4 4 {size}")
     text = text.replace("F F F", f"F F F {letter}").replace("1 1 1", "1 1 1 1")
@@ -196,7 +196,7 @@ def test_refuses_ascii_values_that_the_declared_type_cannot_hold(save, kind, val
         read_scan(save("a.pcd", text))
 
 
-def test_refuses_damaged_compression(tmp_path):
+def test_damaged_compression_is_refused(tmp_path):
     path = tmp_path / "a.pcd"
     write_scan(path, np.zeros((500, 3)), encoding="compressed")
     data = bytearray(path.read_bytes())
@@ -204,7 +204,7 @@ def test_refuses_damaged_compression(tmp_path):
     for place, value, complaint in (
         (start + 4, 1, "expected 12000 unpacked bytes"),
         (start, 200, "bytes of data from byte"),
-        (start + 8, 0xFF, "broken reference"),
+        (start + 8, 0xFF, "invalid reference"),
         (start + 8, 0x05, "LZF data of 12000 bytes"),
     ):
         broken = bytearray(data)
@@ -214,7 +214,7 @@ def test_refuses_damaged_compression(tmp_path):
             read_scan(path)
 
 
-def test_the_writer_refuses_what_a_header_cannot_say(tmp_path):
+def test_names_types_and_heights_beyond_the_header_are_not_written(tmp_path):
     path = tmp_path / "a.pcd"
     for name in ("two words", "_", "größe"):
         with pytest.raises(InvalidInput, match="one word"):
@@ -226,6 +226,6 @@ def test_the_writer_refuses_what_a_header_cannot_say(tmp_path):
     assert not path.exists()
 
 
-def test_takes_no_columns(save):
-    with pytest.raises(InvalidInput, match="names its own columns"):
+def test_columns_are_refused(save):
+    with pytest.raises(InvalidInput, match="columns must not be given for PCD"):
         read_scan(save("a.pcd", _ASCII), columns=3)

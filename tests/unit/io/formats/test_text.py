@@ -25,7 +25,7 @@ _ROWS = [[1.0, -2.5, 3e-3], [4.0, 5.0, 6.0]]
         "+1. -2.5 .3e-2\n4.0 +5e0 6\n",
     ],
 )
-def test_reads_every_separator_under_every_name(save, name, text):
+def test_every_separator_is_read_for_every_extension(save, name, text):
     scan = read_scan(save(name, text))
     assert scan.points.tolist() == _ROWS
     assert (scan.format, scan.encoding, scan.coordinate_dtype) == ("txt", "ascii", "float64")
@@ -41,7 +41,7 @@ def test_reads_every_separator_under_every_name(save, name, text):
         "7,1,2,3,.5,\n8,4,5,6,.75,\n",
     ],
 )
-def test_honours_the_names_of_columns(save, text):
+def test_names_of_columns_are_used(save, text):
     scan = read_scan(save("a.csv", text))
     assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert list(scan.fields) == ["ring", "time stamp"]
@@ -50,30 +50,30 @@ def test_honours_the_names_of_columns(save, text):
     assert scan.fields["time stamp"].tolist() == [0.5, 0.75]
 
 
-def test_names_of_the_last_comment_count_only_if_they_fit(save):
+def test_names_in_a_comment_are_used_only_if_they_fit(save):
     scan = read_scan(save("a.xyz", "// x y z of a car\n//X Y Z I\n1 2 3 4\n5 6 7 8\n"))
     assert list(scan.fields) == ["I"]
     plain = read_scan(save("b.xyz", "# scan of today's walk at 3\n1 2 3 4\n5 6 7 8\n"))
     assert list(plain.fields) == ["column_4"]
 
 
-def test_the_caller_names_columns(save):
+def test_given_columns_name_the_fields(save):
     path = save("a.txt", "9 1 2 3\n8 4 5 6\n")
     scan = read_scan(path, columns="label x y z")
     assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
     assert scan.fields["label"].tolist() == [9, 8]
     assert len(read_scan(path, columns=4).fields) == 1
-    with pytest.raises(FormatError, match="3 columns, as asked for, found 4"):
+    with pytest.raises(FormatError, match="3 columns, as requested, found 4"):
         read_scan(path, columns=3)
 
 
-def test_repeated_names_are_told_apart(save):
+def test_repeated_names_are_numbered(save):
     scan = read_scan(save("a.csv", "x,y,z,n,n,X\n1,2,3,4,5,6\n"))
     assert scan.points.tolist() == [[1, 2, 3]]
     assert list(scan.fields) == ["n", "n_2", "X"]
 
 
-def test_decimal_commas_are_read_as_such_and_said_to_be(save):
+def test_decimal_commas_are_read_with_a_note(save):
     for text in ("1,0;-2,5;3e-3\n4;5;6\n", "1,0 -2,5 0,003\n4,0 5,0 6,0\n"):
         scan = read_scan(save("a.txt", text))
         assert scan.points.tolist() == _ROWS
@@ -98,21 +98,21 @@ def test_whole_numbers_keep_every_digit(save):
     assert scan.fields["huge"].tolist() == [1e30, 1e30]
 
 
-def test_numbers_beyond_every_type_are_infinite(save):
+def test_numbers_beyond_float64_are_infinite(save):
     scan = read_scan(save("a.pts", "1 2 " + "9" * 5000 + "\n"))
     assert scan.points.tolist() == [[1, 2, np.inf]]
     with pytest.raises(FormatError, match="line 2"):
         read_scan(save("b.pts", "9" * 5000 + "\n1 2 3\n"))
 
 
-def test_the_count_of_a_pts_file_is_kept(save):
+def test_the_count_of_a_pts_file_is_checked(save):
     assert len(read_scan(save("a.pts", "2\n1 2 3\n4 5 6\n"))) == 2
     with pytest.raises(FormatError, match="expected 3 points, found 2"):
         read_scan(save("b.pts", "3\n1 2 3\n4 5 6\n"))
 
 
-def test_remarks_on_the_file(save):
-    assert "no end" in read_scan(save("a.txt", "1 2 3\n4 5 6")).notes[0]
+def test_truncated_lines_and_3dtk_units_are_noted(save):
+    assert "no line end" in read_scan(save("a.txt", "1 2 3\n4 5 6")).notes[0]
     assert "left-handed" in read_scan(save("a.3d", "1 2 3\n4 5 6\n")).notes[0]
 
 
@@ -135,17 +135,17 @@ def test_remarks_on_the_file(save):
         ("1 2 3\n4 5 \x006\n", "byte 10: expected plain text, found the byte 0x00"),
     ],
 )
-def test_names_the_line_that_is_wrong(save, text, complaint):
+def test_errors_name_the_invalid_line(save, text, complaint):
     with pytest.raises(FormatError, match=complaint):
         read_scan(save("a.txt", text))
 
 
-def test_utf_16_is_named_for_what_it_is(save):
+def test_utf_16_is_refused_by_name(save):
     with pytest.raises(FormatError, match="UTF-16"):
         read_scan(save("a.txt", "1 2 3\n".encode("utf-16")))
 
 
-def test_a_trajectory_is_no_scan(save):
+def test_trajectories_are_refused_as_scans(save):
     kitti = "1 0 0 5 0 1 0 6 0 0 1 7\n0 -1 0 5 1 0 0 6 0 0 1 7\n"
     tum = "0.5 1 2 3 0 0 0 1\n0.6 1 2 3 0 0.6 0 0.8\n"
     for text, count in ((kitti, 12), (tum, 8)):
@@ -163,7 +163,7 @@ def test_a_trajectory_is_no_scan(save):
     ],
 )
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
-def test_writes_digits_that_read_back_exactly(tmp_path, name, first, dtype):
+def test_written_digits_read_back_exactly(tmp_path, name, first, dtype):
     rng = np.random.default_rng(2)
     points = (rng.normal(size=(5, 3)) * [1e-9, 1e9, 1]).astype(dtype)
     points[1, 1], points[2, 2], points[3, 0] = np.nan, -np.inf, -0.0
@@ -181,7 +181,7 @@ def test_writes_digits_that_read_back_exactly(tmp_path, name, first, dtype):
         assert len(path.read_bytes()) < 600
 
 
-def test_points_alone_need_no_names(tmp_path):
+def test_scans_without_fields_have_no_line_of_names(tmp_path):
     write_scan(tmp_path / "a.xyz", np.array(_ROWS))
     assert (tmp_path / "a.xyz").read_text() == "1.0 -2.5 0.003\n4.0 5.0 6.0\n"
 
@@ -189,12 +189,12 @@ def test_points_alone_need_no_names(tmp_path):
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({"a,b": [1, 2]}, "cannot be called"),
+        ({"a,b": [1, 2]}, "cannot be named"),
         ({"a b": [1, 2]}, "one word"),
         ({"word": ["a", "b"]}, "cannot hold field word"),
     ],
 )
-def test_the_writer_refuses_what_would_not_read_back(tmp_path, fields, complaint):
+def test_fields_that_would_not_read_back_are_not_written(tmp_path, fields, complaint):
     with pytest.raises(InvalidInput, match=complaint):
         write_scan(tmp_path / "a.csv", np.array(_ROWS), fields)
     assert not (tmp_path / "a.csv").exists()

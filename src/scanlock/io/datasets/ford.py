@@ -1,10 +1,10 @@
-"""Scans of the Ford Campus vision and lidar data set (Pandey et al. 2011), MATLAB files.
+"""Scans of the Ford Campus vision and lidar data set (Pandey et al. 2011), in MATLAB files.
 
-``SCANS/Scan0075.mat`` holds a struct ``SCAN`` with the points ``XYZ`` (3, n) [m] in the frame of
-the laser (x to the right, y ahead, z up), the time ``timestamp_laser`` [us], and ``X_wv``: x, y, z
-[m], roll, pitch, heading [rad] of the vehicle (x ahead, y to the right, z down) in a local world
-whose z points down too. The points are returned as they are, and the poses in that world turned
-over, so that z points up everywhere.
+``SCANS/Scan0075.mat`` has a struct ``SCAN`` with the points ``XYZ`` (3, n) [m] in the frame of the
+laser (x to the right, y ahead, z up), the time ``timestamp_laser`` [us], and ``X_wv``: x, y, z
+[m], roll, pitch and heading [rad] of the vehicle (x ahead, y to the right, z down) in a local
+world with z down. Points are returned unchanged. Poses are returned in that world rotated by half
+a turn about x, so that z points up.
 """
 
 import math
@@ -20,29 +20,29 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.io.errors import malformed, read_bytes
 
-_REMEDY = "name a folder of the data set's SCANS/Scan*.mat"
+_REMEDY = "use the files SCANS/Scan*.mat of the data set"
 
 
-def _turned(roll: float, pitch: float, heading: float) -> Any:
-    """Return the rotation about the fixed axes x, y, z in this order."""
+def _rotation(roll: float, pitch: float, heading: float) -> Any:
+    """Return the rotation about the fixed axes x, y and z, in this order."""
     about_x, about_y, about_z = np.diag([roll, pitch, heading])
     return exp_rotation(about_z) @ exp_rotation(about_y) @ exp_rotation(about_x)
 
 
-VEHICLE_FROM_LASER = Pose(_turned(math.pi, 0.0, math.pi / 2.0), np.array([2.4, -0.01, -2.3]))
-"""Where the calibration of the data set has the laser on the vehicle (Pandey et al. 2011)."""
+VEHICLE_FROM_LASER = Pose(_rotation(math.pi, 0.0, math.pi / 2.0), np.array([2.4, -0.01, -2.3]))
+"""Pose of the laser on the vehicle, from the calibration of the data set (Pandey et al. 2011)."""
 
 _UPRIGHT_FROM_WORLD = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
-"""Half a turn about x: z up for z down."""
+"""Half a turn about x, from z down to z up."""
 
 
 def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
-    """Return the points of a scan, its time [s] and ``world_from_laser``.
+    """Read the points of a scan, its time and its pose.
 
     Parameters
     ----------
     path : path-like
-        One of the data set's ``Scan*.mat``.
+        A file ``Scan*.mat`` of the data set.
 
     Returns
     -------
@@ -50,24 +50,24 @@ def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
         In the frame of the laser.
     time : float [s]
     pose : Pose
-        The laser in the data set's local world, turned over so that z points up.
+        ``world_from_laser``, in the local world of the data set with z up.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        It is no MATLAB file, or holds no such scan.
+        Not a MATLAB file, or one without such a scan.
     """
     from scipy.io import loadmat
 
     path = Path(path)
     read_bytes(path, "scan")
     try:
-        # Structs come as records; nothing in the file is ever called.
+        # loadmat reads data only; it executes nothing from the file.
         content: Any = loadmat(path, simplify_cells=True, variable_names=["SCAN"])
     except Exception as error:
-        # The reader meets bytes that nobody checked, and raises whatever they lead to.
+        # loadmat does not check its input and raises many types of errors.
         raise malformed(
             path, "header", expected="a MATLAB file up to version 7", found=str(error),
             remedy=_REMEDY,
@@ -82,7 +82,7 @@ def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
         raise malformed(
             path,
             "SCAN",
-            expected="XYZ (3, n), X_wv of 6 numbers and timestamp_laser of one",
+            expected="XYZ of shape (3, n), 6 numbers X_wv and 1 number timestamp_laser",
             found=f"shapes {points.shape}, {vehicle.shape} and {time.shape}",
             remedy=_REMEDY,
         )
@@ -90,7 +90,7 @@ def read_ford_scan(path: str | os.PathLike[str]) -> tuple[Points, float, Pose]:
         raise malformed(
             path, "SCAN", expected="a finite pose and time", found="NaN or Inf", remedy=_REMEDY
         )
-    world_from_vehicle = Pose(_turned(*vehicle[3:].tolist()), vehicle[:3])
+    world_from_vehicle = Pose(_rotation(*vehicle[3:].tolist()), vehicle[:3])
     pose = _UPRIGHT_FROM_WORLD @ world_from_vehicle @ VEHICLE_FROM_LASER
     return np.ascontiguousarray(points.T), 1e-6 * float(time[0]), pose
 

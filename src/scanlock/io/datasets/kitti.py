@@ -1,4 +1,4 @@
-"""What KITTI keeps beside its scans: calibration, times and clock times."""
+"""Calibration and times of KITTI sequences."""
 
 from datetime import datetime
 from pathlib import Path
@@ -11,18 +11,18 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.errors import malformed, read_bytes
 from scanlock.io.numeric_text import parse_rows
 
-_AGAIN = "take it from the data set again"
+_REMEDY = "copy the file from the data set again"
 
 
 def read_kitti_calibration(path: Path) -> Pose:
-    """Return ``camera_from_laser``, the line ``Tr:`` of an odometry sequence's calib.txt.
+    """Read ``camera_from_laser``, the line ``Tr:`` in calib.txt of an odometry sequence.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        It has no such line, or one that is no rigid motion.
+        No such line, or one that is not a rigid motion.
     """
     for line in _lines(path, "calibration"):
         name, _, numbers = line.partition(":")
@@ -32,40 +32,40 @@ def read_kitti_calibration(path: Path) -> Pose:
             except (ValueError, InvalidInput) as error:
                 raise malformed(
                     path, "Tr", expected="12 numbers of a rigid motion", found=str(error),
-                    remedy=_AGAIN,
+                    remedy=_REMEDY,
                 ) from error  # fmt: skip
-    raise malformed(path, "data", expected="a line Tr:", found="none", remedy=_AGAIN)
+    raise malformed(path, "data", expected="a line Tr:", found="none", remedy=_REMEDY)
 
 
 def read_kitti_times(path: Path) -> Vector:
-    """Return the (n,) times [s] of an odometry sequence's times.txt, one a line.
+    """Read the (n,) times [s] in times.txt of an odometry sequence, one per line.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        A line that is no number.
+        A line that is not a finite number.
     """
     columns = parse_rows(path, read_bytes(path, "time"), width=1)
     if not columns or not np.isfinite(columns[0]).all():
         raise malformed(
-            path, "data", expected="a finite time a line", found="none or NaN", remedy=_AGAIN
+            path, "data", expected="a finite time per line", found="none or NaN", remedy=_REMEDY
         )
     return columns[0].astype(np.float64)
 
 
 def read_clock_times(path: Path) -> Vector:
-    """Return (n,) seconds since midnight of the first day, of a raw drive's timestamps.txt.
+    """Read timestamps.txt of a raw drive as (n,) seconds since midnight of the first day.
 
-    Its lines are dates and times like ``2011-09-26 13:04:32.335337762``.
+    Its lines are dates and times such as ``2011-09-26 13:04:32.335337762``.
 
     Raises
     ------
     FileNotFoundError
-        There is no such file.
+        The file does not exist.
     FormatError
-        A line that is no date and time.
+        A line that is not a date and time.
     """
     seconds: list[float] = []
     first: datetime | None = None
@@ -79,7 +79,7 @@ def read_clock_times(path: Path) -> Vector:
         except ValueError as error:
             raise malformed(
                 path, f"line {number}", expected="a date and a time", found=repr(line[:40]),
-                remedy="remove the file, and scans are numbered instead",
+                remedy="copy the file again, or remove it to number the scans instead",
             ) from error  # fmt: skip
         first = first or moment.replace(hour=0, minute=0, second=0)
         seconds.append((moment - first).total_seconds() + fraction)
