@@ -1,7 +1,7 @@
-"""Gauss and Newton's method, damped by Levenberg and Marquardt, on poses.
+"""Levenberg-Marquardt: the damped Gauss-Newton method on poses.
 
-It wants the convex part of the Hessian, which is never indefinite, so no eigenvalue needs repair:
-the damping alone keeps a step short where the quadratic does not predict well.
+The convex part of the Hessian is never indefinite, so its eigenvalues are used as they are. The
+damping shortens steps where the quadratic predicts badly.
 """
 
 from dataclasses import dataclass, field
@@ -15,8 +15,8 @@ from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReas
 from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 
-_LEAST_DAMPING = 1e-4
-"""Where damping begins once a step was refused; less would hardly change the step."""
+_MIN_DAMPING = 1e-4
+"""Minimum damping after a rejected step; less would hardly change the step."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,38 +24,39 @@ class LevenbergMarquardt:
     """Settings of the damped Gauss-Newton solver."""
 
     criteria: ConvergenceCriteria = field(default_factory=ConvergenceCriteria)
-    """Tolerances and the limit of evaluations."""
+    """Convergence criteria."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_damping: float = 1e-3
-    """Damping of the first step as a share of the mean curvature; 0 is plain Gauss-Newton until
-    a step is refused."""
+    """Damping of the first step over the mean curvature; 0 is plain Gauss-Newton until a step is
+    rejected."""
 
     growth: float = 10.0
-    """Factor of the damping after a step that was refused."""
+    """Factor of the damping after a rejected step."""
 
     decay: float = 10.0
-    """Divisor of the damping after a step that was not."""
+    """Divisor of the damping after an accepted step."""
 
     max_step: float = 10.0
-    """Longest step along any one axis of the quadratic [m, rotations at the lever arm]."""
+    """Maximum step along any one axis of the quadratic [m]; rotations count at the rotation
+    scale."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
         require_at_least("first_damping", self.first_damping, 0.0)
         require_at_least("growth", self.growth, 1.5)
         require_at_least("decay", self.decay, 1.0)
-        require_positive("longest_step", self.max_step, unit="m")
+        require_positive("max_step", self.max_step, unit="m")
 
     @property
     def curvature(self) -> Curvature:
-        """The Hessian that the solver wants of an objective."""
+        """Hessian that the solver needs of an objective."""
         return "convex"
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
-        """Return the best pose found from `start`, with every evaluation on the way."""
+        """Return the best pose found from `start`, with the history of all evaluations."""
         scale = np.array(
             [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
         )
@@ -84,7 +85,7 @@ class LevenbergMarquardt:
             if accepted:
                 pose, quadratic, damping = tried_pose, tried, damping / self.decay
             else:
-                damping = max(damping, _LEAST_DAMPING) * self.growth
+                damping = max(damping, _MIN_DAMPING) * self.growth
         return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
 
 
@@ -92,12 +93,12 @@ def _norm(quadratic: Quadratic, scale: Vector) -> float:
     return float(np.linalg.norm(quadratic.gradient / scale))
 
 
-def _damped_step(gradient: Vector, hessian: Matrix, damping: float, longest: float) -> Vector:
+def _damped_step(gradient: Vector, hessian: Matrix, damping: float, max_step: float) -> Vector:
     """Return the step to the minimum of a convex quadratic plus damping."""
     curvatures, axes = np.linalg.eigh(hessian)
     curvatures = np.maximum(curvatures, 0.0)
-    # A floor that vanishes with the slope bounds the step where nothing else does, and hardly
-    # moves along an axis whose slope is all rounding.
-    floor = float(np.linalg.norm(gradient)) / longest
-    damped = np.maximum(curvatures + damping * float(curvatures.mean()), floor)
+    # A minimum proportional to the gradient bounds the step along axes without curvature. Along
+    # those whose gradient is rounding the step stays small.
+    minimum = float(np.linalg.norm(gradient)) / max_step
+    damped = np.maximum(curvatures + damping * float(curvatures.mean()), minimum)
     return axes @ (-(axes.T @ gradient) / damped)

@@ -1,7 +1,7 @@
-"""Descent along directions, each as far as a line search says.
+"""Descent along directions, with step lengths by a line search.
 
-A step moves along the curve ``y -> exp(a phi) y + a rho`` of `Pose.retract`, whose slope at ``a``
-is ``g . (rho - a phi x rho, phi)`` with the gradient ``g`` there.
+A step follows the curve ``y -> exp(a phi) y + a rho`` of `Pose.retract`, whose slope at ``a`` is
+``g . (rho - a phi x rho, phi)`` with the gradient ``g`` there.
 """
 
 from dataclasses import dataclass, replace
@@ -14,53 +14,53 @@ from scanlock.errors import require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import inverse_left_jacobian
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
-from scanlock.optimisation.solvers.line_search import Along, Armijo, StrongWolfe
+from scanlock.optimisation.solvers.line_search import Armijo, LineFunction, StrongWolfe
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 
 LineSearch = Armijo | StrongWolfe | MoreThuente
-"""Settings that choose the length of a step."""
+"""Settings of a line search."""
 
 
 class Directions(Protocol):
-    """Where to go next, in units of metres at the lever arm; may learn from the steps taken."""
+    """Rule for descent directions, in scaled units; it may use the steps taken so far."""
 
     def direction(self, gradient: Vector, hessian: Matrix) -> Vector:
-        """Return a (6,) direction of descent, as long as the first step to try along it."""
+        """Return a (6,) descent direction, as long as the first step to try."""
         ...
 
-    def learn(self, step: Vector, change: Vector) -> None:
-        """Take note of a (6,) step and of how the gradient changed over it."""
+    def update(self, step: Vector, change: Vector) -> None:
+        """Update the rule with a (6,) step and the change of the gradient over it."""
         ...
 
-    def forget(self) -> bool:
-        """Forget what was learnt, and tell whether there was anything."""
+    def reset(self) -> bool:
+        """Discard all updates, and tell whether there were any."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LineDescent:
-    """Settings that every descent by line search shares."""
+    """Settings of a descent by line search."""
 
     criteria: ConvergenceCriteria
-    """Tolerances and the limit of evaluations."""
+    """Convergence criteria."""
 
     line_search: LineSearch
-    """Chooses the length of each step."""
+    """Line search that chooses the length of each step."""
 
     rotation_scale: float
     """Distance at which a rotation counts as a translation [m]."""
 
     max_step: float
-    """Longest step [m, rotations at the lever arm]."""
+    """Maximum step [m]; rotations count at the rotation scale."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.rotation_scale, unit="m")
-        require_positive("longest_step", self.max_step, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
+        require_positive("max_step", self.max_step, unit="m")
 
     def minimise(self, objective: Objective, start: Pose, directions: Directions) -> Solution:
-        """Return the best pose found from `start`, with every evaluation on the way."""
+        """Return the best pose found from `start`, with the history of all evaluations."""
         walk = _Walk(objective, start, self.rotation_scale)
         if walk.is_void:
             return walk.solution(StopReason.EMPTY_OBJECTIVE)
@@ -72,20 +72,20 @@ class LineDescent:
             norm = float(np.linalg.norm(direction))
             if norm < self.criteria.step_tolerance:
                 return walk.solution(StopReason.STEP_SMALL)
-            search = replace(self.line_search, trials=min(left, self.line_search.trials))
+            search = replace(self.line_search, max_trials=min(left, self.line_search.max_trials))
             found = search.search(walk.along(direction), 1.0, self.max_step / norm)
             length = found.point.length
             if length * norm < self.criteria.step_tolerance:
-                # What was learnt may mislead here: begin anew before giving up.
-                if len(walk.history) < self.criteria.max_iterations and not directions.forget():
+                # The updates may mislead here: discard them before the end.
+                if len(walk.history) < self.criteria.max_iterations and not directions.reset():
                     return walk.solution(StopReason.STEP_SMALL)
                 continue
-            directions.learn(length * direction, walk.moved(length * direction) - gradient)
+            directions.update(length * direction, walk.moved(length * direction) - gradient)
         return walk.solution(StopReason.ITERATION_LIMIT)
 
 
 class _Walk:
-    """Where the solver stands and every evaluation on the way there, in scaled units."""
+    """Evaluations so far and the current pose, in scaled units."""
 
     def __init__(self, objective: Objective, start: Pose, rotation_scale: float) -> None:
         self._objective = objective
@@ -109,8 +109,8 @@ class _Walk:
         at = self._quadratics[0]
         return at.value == 0.0 and not at.gradient.any() and not at.hessian.any()
 
-    def along(self, direction: Vector) -> Along:
-        """Return the function that a line search sees."""
+    def along(self, direction: Vector) -> LineFunction:
+        """Return value and slope as a function of the step length."""
 
         def value_and_slope(length: float) -> tuple[float, float]:
             at = self._quadratics[self._tried(length * direction)]
@@ -121,22 +121,22 @@ class _Walk:
         return value_and_slope
 
     def moved(self, step: Vector) -> Vector:
-        """Stand at a step that was tried; return the gradient there, over steps from before."""
+        """Move by an evaluated step; return the gradient there, for steps from the pose before."""
         self._index = self._tried(step)
         self.history[self._index] = replace(self.history[self._index], accepted=True)
         self._trials.clear()
         rho, phi = step[:3], step[3:] / self._scale[3]
         gradient = self._quadratics[self._index].gradient
-        # A change d of phi turns by J d more about the place that rho has shifted zero to.
+        # A change d of phi turns by J d more about the point that rho has shifted the origin to.
         turned = np.linalg.inv(inverse_left_jacobian(phi)).T @ (
             gradient[3:] - np.cross(rho, gradient[:3])
         )
-        # A locked direction has no slope at all, and must not get one from the others.
+        # A locked direction has no slope, and must not get one from the others.
         turned[gradient[3:] == 0.0] = 0.0
         return np.concatenate([gradient[:3], turned]) / self._scale
 
     def solution(self, reason: StopReason) -> Solution:
-        """Return the best pose seen, at the end of a path that leads there."""
+        """Return the best pose evaluated, at the end of a path that leads there."""
         values = [entry.value for entry in self.history]
         best = int(np.nanargmin(values))
         if values[best] >= values[self._index] - _ROUNDING * abs(values[self._index]):
@@ -148,7 +148,7 @@ class _Walk:
         return Solution(history[best].pose, self._quadratics[best], reason, tuple(history))
 
     def _tried(self, step: Vector) -> int:
-        """Return the index of the evaluation at a step from where the solver stands."""
+        """Return the index of the evaluation at a step from the current pose."""
         if not step.any():
             return self._index
         key = step.tobytes()
@@ -163,4 +163,4 @@ class _Walk:
 
 
 _ROUNDING = 1e-12
-"""Values that differ by less, relative to their size, are alike."""
+"""Relative difference below which values are equal."""

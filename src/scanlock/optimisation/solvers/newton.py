@@ -1,9 +1,9 @@
-"""Newton's method on poses, with the Hessian repaired and every step inside a trust region.
+"""Newton's method on poses, with a positive definite Hessian and a trust region.
 
-Algorithm 1 of Das et al. 2013 steps by ``p + H^-1 g``: the minus sign is missing, and where the
-Hessian is indefinite (most of the domain, away from the optimum) even the right sign need not
-descend. Here the Hessian's eigenvalues are replaced by their magnitudes, so each direction is
-one of descent, and a radius that follows how well the quadratic predicted limits the step.
+Algorithm 1 of Das et al. 2013 steps by ``p + H^-1 g``. The minus sign is missing, and where the
+Hessian is indefinite (most of the domain, away from the optimum) even ``-H^-1 g`` need not be a
+descent direction. Here the eigenvalues of the Hessian are replaced by their absolute values, so
+every step is one of descent. The trust radius follows the quality of the last prediction.
 """
 
 import math
@@ -18,11 +18,11 @@ from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReas
 from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 
-_LEAST_CURVATURE = 1e-3
-"""Eigenvalues are raised to this share of the largest: flat directions stay bounded."""
+_MIN_CURVATURE = 1e-3
+"""Minimum eigenvalue over the largest one, which bounds the step along flat directions."""
 
 _ACCEPTED_GAIN = 1e-4
-"""Share of the predicted decrease that a step must bring (Armijo's usual constant)."""
+"""Minimum decrease of an accepted step over the predicted one (Armijo's usual constant)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,37 +32,36 @@ class Newton:
     criteria: ConvergenceCriteria = field(
         default_factory=lambda: ConvergenceCriteria(step_tolerance=3e-4)
     )
-    """Tolerances and the iteration limit. The last step is taken: what is left after one of less
-    than 0.3 mm is its square, a thousandth of that."""
+    """Convergence criteria. The last step is taken without an evaluation: after a step below
+    0.3 mm the error is about its square, a thousandth of that."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_radius: float = 5.0
-    """Largest first step [m, rotations at the lever arm]."""
+    """First trust radius [m]; rotations count at the rotation scale."""
 
     max_radius: float = 10.0
-    """Largest step ever [m, rotations at the lever arm]."""
+    """Maximum trust radius [m]; rotations count at the rotation scale."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
         require_positive("first_radius", self.first_radius, unit="m")
-        require_positive("largest_radius", self.max_radius, unit="m")
-        require_at_least("largest_radius", self.max_radius, self.first_radius, unit="m")
+        require_positive("max_radius", self.max_radius, unit="m")
+        require_at_least("max_radius", self.max_radius, self.first_radius, unit="m")
 
     @property
     def curvature(self) -> Curvature:
-        """The Hessian that the solver wants of an objective."""
+        """Hessian that the solver needs of an objective."""
         return "exact"
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
-        """Return the best pose found from `start`, with every evaluation on the way.
+        """Return the best pose found from `start`, with the history of all evaluations.
 
-        A last step below the tolerance is taken and not evaluated: near the minimum the next one
-        would be its square.
+        A last step below the tolerance is taken without an evaluation.
 
-        Rotations of a step are about zero of the target's frame, so coordinates should lie
-        around it, within a few lever arms.
+        Steps rotate about the origin of the target's frame, so the points should lie around it,
+        within a few rotation scales.
         """
         scale = np.array(
             [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
@@ -81,7 +80,7 @@ class Newton:
             step, predicted = trust_step(gradient, quadratic.hessian / squares, radius)
             step_norm = _length(step)
             if step_norm < self.criteria.step_tolerance:
-                # A step cut short tells nothing of where the minimum is.
+                # A step that the radius limits does not lead to the minimum.
                 if step_norm < 0.99 * radius:
                     pose, quadratic = pose.retract(step / scale), quadratic.after(step / scale)
                 return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
@@ -99,7 +98,7 @@ class Newton:
         return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
 
     def _next_radius(self, radius: float, step_norm: float, gain: float) -> float:
-        # Put so that a value that is no number shortens the next step too.
+        # Written so that NaN shortens the next step too.
         if not gain >= 0.25:
             return 0.25 * step_norm
         if gain > 0.75 and step_norm > 0.8 * radius:
@@ -112,29 +111,29 @@ def _norm(quadratic: Quadratic, scale: Vector) -> float:
 
 
 def _length(vector: Vector) -> float:
-    # For six numbers NumPy's own takes three times as long.
+    # For six numbers numpy.linalg.norm takes three times as long.
     return math.sqrt(float(vector @ vector))
 
 
 def trust_step(gradient: Vector, hessian: Matrix, radius: float) -> tuple[Vector, float]:
-    """Return the step within `radius` for the repaired Hessian, and its predicted decrease."""
+    """Return the Newton step within `radius` and its predicted decrease, both with ``|H|``."""
     eigenvalues, axes = np.linalg.eigh(hessian)
     magnitudes = np.abs(eigenvalues)
     largest = float(magnitudes.max())
     if largest == 0.0:
-        # A slope without any curvature: step down it to the edge of the region.
-        largest = _length(gradient) / (_LEAST_CURVATURE * radius)
-    curvatures = np.maximum(magnitudes, _LEAST_CURVATURE * largest)
+        # A slope without any curvature: step to the edge of the trust region.
+        largest = _length(gradient) / (_MIN_CURVATURE * radius)
+    curvatures = np.maximum(magnitudes, _MIN_CURVATURE * largest)
     along = axes.T @ gradient
     damping = _damping(along, curvatures, radius)
     coefficients = -along / (curvatures + damping)
-    # Predicted with the repaired curvatures: they only ever promise less.
+    # Predicted with the positive curvatures, which never predict more.
     predicted = -(along @ coefficients + 0.5 * curvatures @ coefficients**2)
     return axes @ coefficients, float(predicted)
 
 
 def _damping(along: Vector, curvatures: Vector, radius: float) -> float:
-    """Return the least damping that keeps the step within `radius` (Newton on 1/norm)."""
+    """Return the minimum damping that keeps the step within `radius`, by Newton on 1 / norm."""
     damping = 0.0
     for _ in range(20):
         shifted = curvatures + damping

@@ -1,4 +1,4 @@
-"""One objective after the other, each from the pose where the last one ended."""
+"""Multi-stage minimisation: a sequence of objectives, each from the pose of the last one."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -10,13 +10,14 @@ from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
 
 Stage = tuple[Solver, Objective]
-"""What is minimised, and by which settings."""
+"""An objective and the solver that minimises it."""
 
 
 def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
-    """Return the solution of the last stage where anything meets, with the history of all.
+    """Return the solution of the last non-empty stage, with the history of all stages.
 
-    Where nothing meets at any stage, the start is returned untouched. There must be a stage.
+    The start is returned unchanged if the objectives of all stages are empty. At least one stage
+    is needed.
     """
     history = list[Iteration]()
     pose, best = start, None
@@ -30,7 +31,7 @@ def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
 
 
 def with_tolerance(solver: Solver, step: float) -> Solver:
-    """Return the solver with a stopping step of no less than `step` [m]: others go on."""
+    """Return the solver with a step tolerance of at least `step` [m], for a coarse stage."""
     criteria = solver.criteria
     return replace(
         solver, criteria=replace(criteria, step_tolerance=max(criteria.step_tolerance, step))

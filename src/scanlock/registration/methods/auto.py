@@ -218,7 +218,7 @@ class Auto:
         ended, history = self.multi_start.refine(
             target.gaussians,
             source.gaussians,
-            [replace(one, pose=constraints.held(one.pose, start)) for one in hypotheses],
+            [replace(one, pose=constraints.project(one.pose, start)) for one in hypotheses],
             constraints,
             lambda pose: plausibility(violation(target.features, source.features, pose)),
         )

@@ -98,7 +98,7 @@ class MultiStart:
         running = [(one.proposed_by, one.pose) for one in hypotheses]
         ended: list[RefinedHypothesis] = []
         for index, scale in enumerate(self.scales):
-            objective = constraints.on(
+            objective = constraints.applied_to(
                 GaussiansToGaussians(
                     target=target[index].inflated(scale.smoothing),
                     source=source[index].inflated(scale.smoothing),

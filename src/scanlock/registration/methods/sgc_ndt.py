@@ -85,7 +85,9 @@ class SgcNdt:
                 curvature=curvature,
             )
 
-        return self.schedule.minimise(lambda index: constraints.on(objective_at(index)), start)
+        return self.schedule.minimise(
+            lambda index: constraints.applied_to(objective_at(index)), start
+        )
 
     def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
         width = self.merge_ratio * scale.smoothing

@@ -116,7 +116,7 @@ class CovarianceEstimator:
         if not isinstance(objective, Separable):
             return "the objective does not tell the shares of its parts"
         pose, free = solution.pose, np.flatnonzero(constraints.free_directions)
-        places = objective.places
+        places = objective.positions
         found = self._within(objective, places, constraints, pose, factor)
         if isinstance(found, str):
             return found
@@ -178,7 +178,7 @@ class CovarianceEstimator:
         side = self.block_size
         while side >= self.min_block_size:
             labels, cells = voxel_cells(places, 0.5 * side)
-            shares = objective.shares(pose, labels)
+            shares = objective.contributions(pose, labels)
             met = np.flatnonzero(shares.hessians.any(axis=(1, 2)))
             if len(met):
                 corners = cells[met].astype(np.float64)

@@ -36,7 +36,8 @@ def decide(
 ) -> tuple[Status, str]:
     """Return the status of a solution and the sentence that explains it."""
     if solution.reason is StopReason.EMPTY_OBJECTIVE:
-        return Status.NO_CORRESPONDENCES, solution.reason.value
+        remedy = "try a better initial pose or a larger correspondence distance"
+        return Status.NO_CORRESPONDENCES, f"{solution.reason.value}; {remedy}"
     metrics = inspection.metrics
     found = (
         f"{metrics.overlap:.0%} of the source meets the target with a score of {metrics.score:.2f}"

@@ -10,12 +10,12 @@ def test_only_small_gradients_and_steps_count_as_converged():
 
 
 @pytest.mark.parametrize("reason", StopReason)
-def test_every_reason_is_a_sentence_for_people(reason):
+def test_every_reason_is_a_sentence(reason):
     assert len(reason.value.split()) > 4
 
 
-@pytest.mark.parametrize("name", ["gradient", "step", "iterations"])
+@pytest.mark.parametrize("name", ["gradient_tolerance", "step_tolerance", "max_iterations"])
 @pytest.mark.parametrize("value", [0, -1, float("nan")])
-def test_settings_out_of_range_are_refused_by_name(name, value):
+def test_settings_out_of_range_are_rejected_by_name(name, value):
     with pytest.raises(InvalidInput, match=name):
         ConvergenceCriteria(**{name: value})

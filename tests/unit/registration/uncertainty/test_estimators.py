@@ -51,7 +51,7 @@ def _planes(seed, count=600, deviation=0.05, units=40, at=None):
 
 
 def _solved(objective: Objective, pose: Pose, constraints=UNCONSTRAINED):
-    held = constraints.on(objective)
+    held = constraints.applied_to(objective)
     for _ in range(4):
         pose = pose.retract(gauss_newton_step(held.linearise(pose), 20.0))
     return Solution(pose, held.linearise(pose), StopReason.STEP_SMALL, (), (), held)
