@@ -93,4 +93,4 @@ class PointsToCells:
         else:
             max_distance = target.width if self.association == "near-cells" else np.inf
             terms = cell_terms(*given, _OFFSETS[self.association], float(max_distance), *rest)
-        return self.shape.height / len(self.points) * terms
+        return self.shape.height / max(1, self.count) * terms

@@ -169,7 +169,9 @@ class ConstrainedObjective:
         return self.objective.count
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`."""
+        """Return value, gradient and Hessian at `pose`; empty without any observation."""
+        if self.count == 0:
+            return Quadratic.empty()
         quadratic = self.objective.linearise(pose)
         value, gradient, hessian = quadratic.value, quadratic.gradient, quadratic.hessian
         if self.constraints.prior is not None:

@@ -100,7 +100,7 @@ class DistributionPairs:
         return self.source.points[self.source_rows]
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`; at least one correspondence is needed."""
+        """Return value, gradient and Hessian at `pose`."""
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
@@ -122,4 +122,4 @@ class DistributionPairs:
             pose.translation,
             float(self.curvature == "exact"),
         )
-        return terms / self.count
+        return terms / max(1, self.count)

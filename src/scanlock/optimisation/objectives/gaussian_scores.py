@@ -146,8 +146,10 @@ class GaussiansToGaussians:
         else:
             every = slice(0, len(order))
             lists, starts, members = NeighbourLists(ordered._search, pose).computed(every)
-        terms = [ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
-        return Contributions.from_terms(self.shape.height * np.array(terms))
+        height = self.shape.height
+        return Contributions.from_terms(
+            [height * ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
+        )
 
     @cached_property
     def _weights(self) -> tuple[Vector, Vector]:
@@ -228,7 +230,7 @@ class PointsToGaussians:
             *self.shape.parameters,
             float(self.curvature == "exact"),
         )
-        return self.shape.height / len(self.points) * terms
+        return self.shape.height / max(1, self.count) * terms
 
     @cached_property
     def _sorted_points(self) -> tuple[Points, Matrix]:

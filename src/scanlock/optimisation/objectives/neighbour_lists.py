@@ -101,7 +101,7 @@ class NeighbourSearch:
 
     @cached_property
     def grid(self) -> _Grid:
-        """Targets sorted into cells somewhat smaller than the typical cut-off distance."""
+        """At least one target, sorted into cells below the typical cut-off distance."""
         target = self.target
         side = max(_CELL * self.max_shift / _SLACK, _MIN_CELL)
         starts, order, inside, corner, side, columns, rows = sorted_by_cell(
@@ -146,7 +146,7 @@ class NeighbourLists:
         return lists
 
     def are_valid_at(self, pose: Pose) -> bool:
-        """Tell whether no source has moved by more than its margin."""
+        """Return whether no source has moved by more than its margin."""
         change = pose.rotation - self.pose.rotation
         # A turn by a moves the end of an arm r by 2 sin(a / 2) r, and sqrt(2) times that factor
         # is the norm of the change.
@@ -158,6 +158,10 @@ class NeighbourLists:
     def computed(self, rows: slice) -> Lists:
         """Return new lists of some sources."""
         search = self.search
+        if not len(search.target):
+            none = np.zeros(0, np.int64)
+            lists = np.full(rows.stop - rows.start, -1, np.int64)
+            return read_only(lists), read_only(np.zeros(1, np.int64)), read_only(none)
         ends, members = targets_in_reach(
             *search.grid,
             read_only(search.source.means[rows]),

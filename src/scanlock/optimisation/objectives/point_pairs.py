@@ -64,7 +64,7 @@ class PointPairs:
         return self.source[self.source_rows]
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`; at least one correspondence is needed."""
+        """Return value, gradient and Hessian at `pose`."""
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
@@ -86,7 +86,7 @@ class PointPairs:
             pose.translation,
             float(self.curvature == "exact"),
         )
-        return terms / self.count
+        return terms / max(1, self.count)
 
 
 def point_precisions(weights: Vector) -> Matrix:

@@ -87,6 +87,6 @@ class QuasiNewton:
         self._inverse = left @ self._inverse @ left.T + np.outer(step, step) / curvature
 
     def reset(self) -> bool:
-        """Reset the inverse Hessian, and tell whether there was one."""
+        """Reset the inverse Hessian, and return whether there was one."""
         known, self._inverse = self._inverse is not None, None
         return known

@@ -63,7 +63,7 @@ class LevenbergMarquardt:
         pose, damping = start, self.first_damping
         quadratic = objective.linearise(pose)
         history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
-        if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
+        if quadratic.is_empty:
             return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
 
         while len(history) < self.criteria.max_iterations:

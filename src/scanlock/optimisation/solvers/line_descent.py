@@ -35,7 +35,7 @@ class Directions(Protocol):
         ...
 
     def reset(self) -> bool:
-        """Discard all updates, and tell whether there were any."""
+        """Discard all updates, and return whether there were any."""
         ...
 
 
@@ -62,7 +62,7 @@ class LineDescent:
     def minimise(self, objective: Objective, start: Pose, directions: Directions) -> Solution:
         """Return the best pose found from `start`, with the history of all evaluations."""
         walk = _Walk(objective, start, self.rotation_scale)
-        if walk.is_void:
+        if walk.is_empty:
             return walk.solution(StopReason.EMPTY_OBJECTIVE)
         while (left := self.criteria.max_iterations - len(walk.history)) > 0:
             gradient = walk.gradient
@@ -105,9 +105,8 @@ class _Walk:
         return self._quadratics[self._index].hessian / np.outer(self._scale, self._scale)
 
     @property
-    def is_void(self) -> bool:
-        at = self._quadratics[0]
-        return at.value == 0.0 and not at.gradient.any() and not at.hessian.any()
+    def is_empty(self) -> bool:
+        return self._quadratics[0].is_empty
 
     def along(self, direction: Vector) -> LineFunction:
         """Return value and slope as a function of the step length."""

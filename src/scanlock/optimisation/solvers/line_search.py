@@ -146,7 +146,7 @@ def sufficient_value(start: LinePoint, length: float, decrease: float) -> float:
 
 
 def is_flat(start: LinePoint, here: LinePoint, flatness: float) -> bool:
-    """Tell whether the slope has fallen to a share of the one at the start."""
+    """Return whether the slope has fallen to a share of the one at the start."""
     return abs(here.slope) <= flatness * abs(start.slope)
 
 

@@ -42,6 +42,16 @@ class Quadratic:
         """Return the quadratic of the 28 sums of a kernel: value, gradient, upper triangle."""
         return cls(float(terms[0]), terms[1:7], _symmetric(terms[7:]))
 
+    @classmethod
+    def empty(cls) -> "Quadratic":
+        """Return the quadratic of an objective without terms: zero, with zero derivatives."""
+        return cls(0.0, np.zeros(6), np.zeros((6, 6)))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the objective has no terms at the pose: value and derivatives are zero."""
+        return self.value == 0.0 and not self.gradient.any() and not self.hessian.any()
+
     def after(self, step: Vector) -> "Quadratic":
         """Return the quadratic predicted at the pose after a small step."""
         change = self.hessian @ step
@@ -58,7 +68,10 @@ class Objective(Protocol):
         ...
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose` (target from source)."""
+        """Return value, gradient and Hessian at `pose` (target from source).
+
+        An objective without terms at the pose returns `Quadratic.empty()`.
+        """
         ...
 
 
@@ -98,12 +111,13 @@ class Contributions:
     hessians: Matrix
 
     @classmethod
-    def from_terms(cls, terms: Matrix) -> "Contributions":
-        """Return the contributions of (b, 28) sums of a kernel, one row for each block."""
-        hessians = np.empty((len(terms), 6, 6))
-        hessians[:, _UPPER[0], _UPPER[1]] = terms[:, 7:]
-        hessians[:, _UPPER[1], _UPPER[0]] = terms[:, 7:]
-        return cls(np.ascontiguousarray(terms[:, 1:7]), hessians)
+    def from_terms(cls, terms: Sequence[Vector]) -> "Contributions":
+        """Return the contributions of b blocks from the 28 sums of a kernel for each."""
+        rows = np.array(terms).reshape(-1, 28)
+        hessians = np.empty((len(rows), 6, 6))
+        hessians[:, _UPPER[0], _UPPER[1]] = rows[:, 7:]
+        hessians[:, _UPPER[1], _UPPER[0]] = rows[:, 7:]
+        return cls(np.ascontiguousarray(rows[:, 1:7]), hessians)
 
 
 def contributions_of_rows(
@@ -123,7 +137,7 @@ def contributions_of_rows(
     order, runs = rows_by_block(blocks)
     ordered = [read_only(array[order]) for array in arrays]
     found = [terms(*(array[run] for array in ordered)) for run in runs]
-    return Contributions.from_terms(np.array(found))
+    return Contributions.from_terms(found)
 
 
 def rows_by_block(blocks: Labels) -> tuple[Labels, list[slice]]:
