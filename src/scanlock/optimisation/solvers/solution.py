@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
@@ -55,6 +56,10 @@ class Solution:
     objective : Objective or None
         Objective of the last stage, with its constraints; None where a solver alone ran, whose
         caller knows it.
+    candidates : tuple
+        Finished poses of a method that searches, best first.
+    runner_up_ratio : float
+        Score of the second candidate over that of the first; NaN without a search.
     """
 
     pose: Pose
@@ -63,3 +68,5 @@ class Solution:
     history: tuple[Iteration, ...]
     notes: tuple[str, ...] = ()
     objective: Objective | None = None
+    candidates: tuple[Any, ...] = ()
+    runner_up_ratio: float = math.nan
