@@ -12,8 +12,12 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
-from scanlock.optimisation.solvers.line_descent import LineDescent, LineSearch
+from scanlock.optimisation.solvers.iterate import iterate, norm
 from scanlock.optimisation.solvers.line_search import StrongWolfe
+from scanlock.optimisation.solvers.line_search_globalisation import (
+    LineSearch,
+    LineSearchGlobalisation,
+)
 from scanlock.optimisation.solvers.problem import Curvature, Objective
 from scanlock.optimisation.solvers.solution import Solution
 
@@ -53,13 +57,9 @@ class Bfgs:
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with the history of all evaluations."""
-        descent = LineDescent(
-            criteria=self.criteria,
-            line_search=self.line_search,
-            rotation_scale=self.rotation_scale,
-            max_step=self.max_step,
-        )
-        return descent.minimise(objective, start, QuasiNewton(self.first_step))
+        directions = QuasiNewton(self.first_step)
+        search = LineSearchGlobalisation(self.line_search, self.max_step, directions)
+        return iterate(objective, start, self.criteria, self.rotation_scale, search)
 
 
 class QuasiNewton:
@@ -72,13 +72,13 @@ class QuasiNewton:
     def direction(self, gradient: Vector, hessian: Matrix) -> Vector:
         """Return the quasi-Newton step; before the first update a step along the gradient."""
         if self._inverse is None:
-            return -gradient * (self._first_step / float(np.linalg.norm(gradient)))
+            return -gradient * (self._first_step / norm(gradient))
         return -self._inverse @ gradient
 
     def update(self, step: Vector, change: Vector) -> None:
         """Update the inverse Hessian, unless the curvature along the step is not positive."""
         curvature = float(step @ change)
-        if curvature <= _MIN_CURVATURE * float(np.linalg.norm(step) * np.linalg.norm(change)):
+        if curvature <= _MIN_CURVATURE * norm(step) * norm(change):
             return
         if self._inverse is None:
             # Nocedal & Wright, equation 6.20: scale the first approximation.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scanlock.arrays import Vector
-from scanlock.optimisation.solvers.problem import Quadratic
+from scanlock.optimisation.solvers.problem import Quadratic, scale_vector
 
 _MIN_CURVATURE = 1e-9
 """Minimum curvature of a constrained direction, over the largest one; less is rounding."""
@@ -21,7 +21,7 @@ def gauss_newton_step(quadratic: Quadratic, rotation_scale: float) -> Vector:
     rotation_scale : float [m]
         Distance at which a rotation counts as a translation when curvatures are compared.
     """
-    scale = np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])
+    scale = scale_vector(rotation_scale)
     curvatures, axes = np.linalg.eigh(quadratic.hessian / np.outer(scale, scale))
     is_constrained = curvatures > _MIN_CURVATURE * curvatures[-1]
     along = axes.T @ (quadratic.gradient / scale)

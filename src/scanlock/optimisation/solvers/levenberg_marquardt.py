@@ -12,8 +12,9 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
-from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
-from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.iterate import Path, iterate, norm
+from scanlock.optimisation.solvers.problem import Curvature, Objective
+from scanlock.optimisation.solvers.solution import Solution
 
 _MIN_DAMPING = 1e-4
 """Minimum damping after a rejected step; less would hardly change the step."""
@@ -57,48 +58,36 @@ class LevenbergMarquardt:
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with the history of all evaluations."""
-        scale = np.array(
-            [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
-        )
-        pose, damping = start, self.first_damping
-        quadratic = objective.linearise(pose)
-        history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
-        if quadratic.is_empty:
-            return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
-
-        while len(history) < self.criteria.max_iterations:
-            gradient = quadratic.gradient / scale
-            if np.linalg.norm(gradient) < self.criteria.gradient_tolerance:
-                return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
-            hessian = quadratic.hessian / np.outer(scale, scale)
-            step = _damped_step(gradient, hessian, damping, self.max_step)
-            step_norm = float(np.linalg.norm(step))
-            if step_norm < self.criteria.step_tolerance:
-                return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
-
-            tried_pose = pose.retract(step / scale)
-            tried = objective.linearise(tried_pose)
-            accepted = tried.value < quadratic.value
-            history.append(
-                Iteration(tried.value, _norm(tried, scale), step_norm, accepted, tried_pose)
-            )
-            if accepted:
-                pose, quadratic, damping = tried_pose, tried, damping / self.decay
-            else:
-                damping = max(damping, _MIN_DAMPING) * self.growth
-        return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
+        return iterate(objective, start, self.criteria, self.rotation_scale, Damping(self))
 
 
-def _norm(quadratic: Quadratic, scale: Vector) -> float:
-    return float(np.linalg.norm(quadratic.gradient / scale))
+class Damping:
+    """Globalisation of Gauss-Newton steps by damping."""
 
+    def __init__(self, settings: LevenbergMarquardt) -> None:
+        self._settings = settings
+        self._damping = settings.first_damping
 
-def _damped_step(gradient: Vector, hessian: Matrix, damping: float, max_step: float) -> Vector:
-    """Return the step to the minimum of a convex quadratic plus damping."""
-    curvatures, axes = np.linalg.eigh(hessian)
-    curvatures = np.maximum(curvatures, 0.0)
-    # A minimum proportional to the gradient bounds the step along axes without curvature. Along
-    # those whose gradient is rounding the step stays small.
-    minimum = float(np.linalg.norm(gradient)) / max_step
-    damped = np.maximum(curvatures + damping * float(curvatures.mean()), minimum)
-    return axes @ (-(axes.T @ gradient) / damped)
+    def propose(self, gradient: Vector, hessian: Matrix) -> Vector:
+        """Return the step to the minimum of a convex quadratic plus damping."""
+        curvatures, axes = np.linalg.eigh(hessian)
+        curvatures = np.maximum(curvatures, 0.0)
+        # A minimum proportional to the gradient bounds the step along axes without curvature.
+        # Along those whose gradient is rounding the step stays small.
+        minimum = norm(gradient) / self._settings.max_step
+        damped = np.maximum(curvatures + self._damping * float(curvatures.mean()), minimum)
+        return axes @ (-(axes.T @ gradient) / damped)
+
+    def advance(self, path: Path, step: Vector, step_norm: float) -> bool:
+        """Move by a step that lowers the value, and adapt the damping."""
+        before = path.current.quadratic.value
+        tried = path.evaluate(step, step_norm)
+        if tried.quadratic.value < before:
+            path.move_to(tried)
+            self._damping /= self._settings.decay
+        else:
+            self._damping = max(self._damping, _MIN_DAMPING) * self._settings.growth
+        return True
+
+    def finish(self, path: Path, reason: StopReason) -> None:
+        """Keep the current pose, which is the best one."""

@@ -9,9 +9,13 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
-from scanlock.optimisation.solvers.line_descent import LineDescent, LineSearch
+from scanlock.optimisation.solvers.iterate import iterate
+from scanlock.optimisation.solvers.line_search_globalisation import (
+    LineSearch,
+    LineSearchGlobalisation,
+)
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
-from scanlock.optimisation.solvers.newton import trust_step
+from scanlock.optimisation.solvers.newton import newton_step
 from scanlock.optimisation.solvers.problem import Curvature, Objective
 from scanlock.optimisation.solvers.solution import Solution
 
@@ -43,24 +47,20 @@ class LineSearchNewton:
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
         """Return the best pose found from `start`, with the history of all evaluations."""
-        descent = LineDescent(
-            criteria=self.criteria,
-            line_search=self.line_search,
-            rotation_scale=self.rotation_scale,
-            max_step=self.max_step,
-        )
-        return descent.minimise(objective, start, RepairedNewton(self.max_step))
+        directions = NewtonDirections(self.max_step)
+        search = LineSearchGlobalisation(self.line_search, self.max_step, directions)
+        return iterate(objective, start, self.criteria, self.rotation_scale, search)
 
 
-class RepairedNewton:
+class NewtonDirections:
     """Descent directions by the Hessian with the absolute values of its eigenvalues."""
 
     def __init__(self, max_step: float) -> None:
         self._max_step = max_step
 
     def direction(self, gradient: Vector, hessian: Matrix) -> Vector:
-        """Return the Newton step, as in `trust_step`."""
-        return trust_step(gradient, hessian, self._max_step)[0]
+        """Return the Newton step of length `max_step` at most."""
+        return newton_step(gradient, hessian, self._max_step)[0]
 
     def update(self, step: Vector, change: Vector) -> None:
         """Do nothing: the next Hessian is exact."""

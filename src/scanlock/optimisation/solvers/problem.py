@@ -147,6 +147,11 @@ def rows_by_block(blocks: Labels) -> tuple[Labels, list[slice]]:
     return read_only(order), [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
 
 
+def scale_vector(rotation_scale: float) -> Vector:
+    """Return the (6,) factors from a step ``(rho, phi)`` [m, rad] to scaled units [m]."""
+    return np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])
+
+
 def _symmetric(upper: Vector) -> Matrix:
     full = np.empty((6, 6))
     full[_UPPER] = upper

@@ -8,8 +8,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.bfgs import QuasiNewton
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
-from scanlock.optimisation.solvers.line_descent import LineDescent
+from scanlock.optimisation.solvers.iterate import iterate
 from scanlock.optimisation.solvers.line_search import LinePoint, LineStep, StrongWolfe
+from scanlock.optimisation.solvers.line_search_globalisation import LineSearchGlobalisation
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 
 _ROTATION_SCALE = 5.0
@@ -24,13 +25,10 @@ def _objective():
     return GaussiansToGaussians(target=target, source=source)
 
 
-def _descent(search, iterations=100):
-    return LineDescent(
-        criteria=ConvergenceCriteria(max_iterations=iterations),
-        line_search=search,
-        rotation_scale=_ROTATION_SCALE,
-        max_step=10.0,
-    )
+def _minimised(search, directions, start=_START, max_iterations=100, objective=None):
+    criteria = ConvergenceCriteria(max_iterations=max_iterations)
+    globalisation = LineSearchGlobalisation(search, 10.0, directions)
+    return iterate(objective or _objective(), start, criteria, _ROTATION_SCALE, globalisation)
 
 
 class _Fixed:
@@ -69,14 +67,14 @@ class _Recorder:
 @pytest.mark.parametrize("direction", [(0.5, -0.3, 0.2, 3.0, -2.0, 4.0), (0, 0, 0, 1.0, 2.0, 3.0)])
 def test_slopes_along_the_curve_of_a_step_match_differences(direction):
     seen = []
-    _descent(_Recorder(seen=seen), 2).minimise(_objective(), _START, _Fixed(np.array(direction)))
+    _minimised(_Recorder(seen=seen), _Fixed(np.array(direction)), max_iterations=2)
     slopes, expected = np.transpose(seen)
     np.testing.assert_allclose(slopes, expected, rtol=1e-6, atol=1e-9)
 
 
 def test_the_change_of_gradient_is_for_steps_from_one_pose():
     objective, directions = _objective(), _Fixed(np.array([0.1, -0.2, 0.3, 3.0, -2.0, 1.0]))
-    _descent(_Recorder(seen=[]), 2).minimise(objective, _START, directions)
+    _minimised(_Recorder(seen=[]), directions, max_iterations=2, objective=objective)
     [(step, change)] = directions.updates
 
     def gradient_at(step):
@@ -102,15 +100,14 @@ def test_steps_by_the_wolfe_conditions_have_positive_curvature(search):
     curvatures = []
     for x in (0.5, 2.0, 6.0):
         start = yaw_pose(0.2, (x, 1.0, 0.0))
-        _descent(search).minimise(_objective(), start, Watched(0.5))
+        _minimised(search, Watched(0.5), start)
     assert len(curvatures) > 20
     assert min(curvatures) > 0.0
 
 
 def test_a_search_that_ends_above_a_trial_returns_the_best_trial():
-    solution = _descent(_Recorder(seen=[], length=1e-3), 2).minimise(
-        _objective(), _START, _Fixed(-np.array([0.4, -0.3, 0.2, 0.25, -0.4, 0.5]))
-    )
+    directions = _Fixed(-np.array([0.4, -0.3, 0.2, 0.25, -0.4, 0.5]))
+    solution = _minimised(_Recorder(seen=[], length=1e-3), directions, max_iterations=2)
     best = min(solution.history, key=lambda entry: entry.value)
     assert solution.pose == best.pose
     assert solution.quadratic.value == best.value
@@ -127,7 +124,7 @@ def test_misleading_directions_are_reset_once():
 
     uphill = _objective().linearise(_START).gradient / _SCALE
     directions = Stuck(uphill / np.linalg.norm(uphill))
-    solution = _descent(StrongWolfe()).minimise(_objective(), _START, directions)
+    solution = _minimised(StrongWolfe(), directions)
     assert directions.resets == 2
     assert solution.pose == _START
 
