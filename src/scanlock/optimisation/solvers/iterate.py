@@ -85,7 +85,7 @@ class Path:
             )
             for one in self.evaluations
         )
-        return Solution(pose, quadratic, reason, history)
+        return Solution(pose, quadratic, reason, history, objective=self.objective)
 
     def _evaluated(self, pose: Pose, step_norm: float) -> Evaluation:
         quadratic = self.objective.linearise(pose)

@@ -54,8 +54,8 @@ class Solution:
     notes : tuple of str
         Notes for the user.
     objective : Objective or None
-        Objective of the last stage, with its constraints; None where a solver alone ran, whose
-        caller knows it.
+        Objective that was minimised, with its constraints; of several stages that of the last
+        one. None where no objective was built.
     candidates : tuple
         Finished poses of a method that searches, best first.
     runner_up_ratio : float

@@ -25,7 +25,7 @@ def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
         solution = solver.minimise(objective, pose)
         history.extend(solution.history)
         if best is None or solution.reason is not StopReason.EMPTY_OBJECTIVE:
-            pose, best = solution.pose, replace(solution, objective=objective)
+            pose, best = solution.pose, solution
     assert best is not None
     return replace(best, history=tuple(history))
 

@@ -108,6 +108,13 @@ def test_a_start_out_of_range_is_an_empty_objective(solver):
 
 
 @_ALL
+@pytest.mark.parametrize("start", [_START, yaw_pose(0.0, (1e3, 0.0, 0.0))], ids=["near", "far"])
+def test_a_solution_refers_to_its_objective(solver, start):
+    objective = Constraints(dof="xy+yaw").applied_to(_d2d(solver.curvature))
+    assert solver.minimise(objective, start).objective is objective
+
+
+@_ALL
 @pytest.mark.parametrize("limit", [1, 2, 3, 5])
 def test_evaluations_do_not_exceed_the_maximum(solver, limit):
     solver = type(solver)(criteria=ConvergenceCriteria(max_iterations=limit))

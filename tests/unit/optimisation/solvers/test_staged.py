@@ -47,6 +47,7 @@ def test_each_stage_begins_at_the_pose_of_the_last_one():
 def test_an_empty_stage_is_passed_over(order):
     stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Empty())]
     found = minimise_staged([stages[k] for k in order], Pose.identity())
+    assert found.objective is stages[0][1]
     assert found.reason.is_converged
     np.testing.assert_allclose(found.pose.translation, [1.0, 0.0, 0.0], atol=1e-6)
 
