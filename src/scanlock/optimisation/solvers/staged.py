@@ -1,6 +1,6 @@
-"""Multi-stage minimisation: a sequence of objectives, each from the pose of the last one."""
+"""Multi-stage minimisation, coarse to fine: each stage starts at the pose of the last one."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from scanlock.geometry.pose import Pose
@@ -30,8 +30,23 @@ def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
     return replace(best, history=tuple(history))
 
 
+def staged_solvers(solver: Solver, tolerances: Sequence[float]) -> list[Solver]:
+    """Return the solver of each stage of a coarse-to-fine schedule.
+
+    Stages before the last one have coarse step tolerances, since the next stage continues from
+    their pose. The last stage has the tolerance of the solver.
+
+    Parameters
+    ----------
+    solver : Solver
+    tolerances : sequence of float [m]
+        Step tolerance of each stage, raised to that of the solver; the last one is not used.
+    """
+    return [*(with_tolerance(solver, step) for step in tolerances[:-1]), solver]
+
+
 def with_tolerance(solver: Solver, step: float) -> Solver:
-    """Return the solver with a step tolerance of at least `step` [m], for a coarse stage."""
+    """Return the solver with a step tolerance of at least `step` [m]."""
     criteria = solver.criteria
     return replace(
         solver, criteria=replace(criteria, step_tolerance=max(criteria.step_tolerance, step))

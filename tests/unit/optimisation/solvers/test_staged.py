@@ -5,7 +5,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.staged import minimise_staged, with_tolerance
+from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers, with_tolerance
 
 
 class _Bowl:
@@ -66,3 +66,12 @@ def test_a_tolerance_is_raised_and_never_lowered():
         step_tolerance=0.1, max_iterations=7
     )
     assert with_tolerance(solver, 1e-6) == solver
+
+
+def test_the_last_stage_has_the_tolerance_of_the_solver():
+    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
+    first, second, last = staged_solvers(solver, [0.1, 1e-6, 0.1])
+    assert first == with_tolerance(solver, 0.1)
+    assert second == solver
+    assert last is solver
+    assert staged_solvers(solver, [0.1]) == [solver]
