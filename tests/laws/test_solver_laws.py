@@ -1,4 +1,4 @@
-"""Solvers that stand in for each other end at the same minimum."""
+"""Interchangeable solvers end at the same minimum."""
 
 import numpy as np
 import pytest
@@ -27,33 +27,35 @@ _SOLVERS = [
 ]
 
 
-def _d2d(rng, scene, curvature):
+def _d2d(rng, target, curvature):
     motion = Pose.from_step(rng.normal(0.0, [0.1] * 3 + [0.01] * 3))
-    return GaussiansToGaussians(target=scene, source=scene.transformed(motion), curvature=curvature)
+    return GaussiansToGaussians(
+        target=target, source=target.transformed(motion), curvature=curvature
+    )
 
 
-def _p2d(rng, scene, curvature):
+def _p2d(rng, target, curvature):
     draws = [
         rng.multivariate_normal(mean, covariance, 15)
-        for mean, covariance in zip(scene.means, scene.covariances, strict=True)
+        for mean, covariance in zip(target.means, target.covariances, strict=True)
     ]
     return PointsToGaussians(
-        target=scene, points=read_only(np.concatenate(draws)), curvature=curvature
+        target=target, points=read_only(np.concatenate(draws)), curvature=curvature
     )
 
 
 @pytest.mark.parametrize("make", [_d2d, _p2d])
 @settings(max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1), solver=st.sampled_from(_SOLVERS))
-def test_from_a_near_start_every_solver_ends_at_the_minimum_of_newtons(make, seed, solver):
+def test_from_a_near_start_every_solver_ends_at_the_minimum_of_newton(make, seed, solver):
     rng = np.random.default_rng(seed)
-    scene = gaussians(rng, 50)
+    target = gaussians(rng, 50)
     start = Pose.from_step(rng.normal(0.0, [0.1] * 3 + [0.01] * 3))
     drawn = rng.bit_generator.state
     solutions = []
     for one in (Newton(), solver):
         rng.bit_generator.state = drawn
-        solutions.append(one.minimise(make(rng, scene, one.curvature), start))
+        solutions.append(one.minimise(make(rng, target, one.curvature), start))
     newton, other = solutions
     assert newton.reason.is_converged
     assert other.reason.is_converged

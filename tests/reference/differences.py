@@ -13,16 +13,16 @@ def along(function, pose, direction):
 
 
 def gradient(value, pose, steps):
-    """Differences of a value, one small step for each of the six coordinates."""
+    """Gradient of a value by differences, with one small step for each of the six coordinates."""
     return np.array([along(value, pose, row) for row in np.diag(steps)]) / steps
 
 
 def hessian(gradient_at, pose, steps):
-    """Differences of a gradient, as the Hessian in the step ``(rho, phi)`` taken at once.
+    """Hessian in the step ``(rho, phi)`` by differences of a gradient.
 
-    A gradient at a retracted pose belongs to a second step after the first. A turn followed by
-    a shift is the step ``(rho, phi)`` itself, a shift followed by a turn is not; and turns about
-    two axes one after the other are, to second order, the mean of both orders.
+    A gradient at a retracted pose is that of a second step after the first. A rotation followed
+    by a translation is the step ``(rho, phi)`` itself; a translation followed by a rotation is
+    not. A rotation about two axes is, to second order, the mean of both orders.
     """
     rows = np.array([along(gradient_at, pose, row) for row in np.diag(steps)]) / steps[:, None]
     full = np.empty((6, 6))

@@ -1,4 +1,4 @@
-"""The cost of generalised ICP pair by pair: Segal, Haehnel and Thrun 2009, equation 2."""
+"""Cost of generalised ICP pair by pair: Segal, Haehnel and Thrun 2009, equation 2."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ def hat(v):
 
 
 def precision(target_covariance, source_covariance, rotation):
-    """Inverse of the covariance of ``b - T a``, whichever pose T is held at."""
+    """Inverse of the covariance of ``b - T a`` for a pose T with this rotation."""
     return np.linalg.inv(target_covariance + rotation @ source_covariance @ rotation.T)
 
 
 def value(pose, fixed_at, pairs):
-    """Mean of half the squared distance of ``(mu, C_t, x, C_s)``, precisions held at a pose."""
+    """Mean of half the squared distance of ``(mu, C_t, x, C_s)``, with fixed precisions."""
     total = 0.0
     for mu, target_covariance, x, source_covariance in pairs:
         d = pose.rotation @ x + pose.translation - mu
@@ -32,11 +32,11 @@ def gauss_newton(pose, fixed_at, pairs):
 
 
 def voxels(points, covariances, width):
-    """Mean and mean covariance of the points in each voxel, by its place."""
+    """Mean and mean covariance of the points in each voxel, by its cell index."""
     members = {}
     for point, covariance in zip(points, covariances, strict=True):
         members.setdefault(tuple(np.floor(point / width)), []).append((point, covariance))
     return {
-        place: tuple(np.mean(column, axis=0) for column in zip(*inside, strict=True))
-        for place, inside in members.items()
+        cell: tuple(np.mean(column, axis=0) for column in zip(*inside, strict=True))
+        for cell, inside in members.items()
     }

@@ -1,25 +1,25 @@
-"""Scores of NDT pair by pair: rho and Lambda of Das et al. 2013, sections VI and VII."""
+"""NDT scores pair by pair: rho and Lambda of Das et al. 2013, sections VI and VII."""
 
 import numpy as np
 
 
 def window(s, start, end):
-    """1 up to `start`, 0 from `end` on, and the quintic with flat ends in between."""
+    """Window: 1 up to `start`, 0 from `end` on, and a quintic with flat ends in between."""
     v = np.clip((s - start) / (end - start), 0.0, 1.0)
     return 1.0 - (6.0 * v**5 - 15.0 * v**4 + 10.0 * v**3)
 
 
 def rho(s, sharpness=1.0, start=16.0, end=25.0):
-    """Likelihood of one pair at squared Mahalanobis distance s, cut by the window."""
+    """Likelihood of a pair at squared Mahalanobis distance s, times the window."""
     return np.exp(-0.5 * sharpness * s) * window(sharpness * s, start, end)
 
 
 def d2d_squared(pose, target_means, target_covariances, source_means, source_covariances):
-    """Squared Mahalanobis distance of every pair (source, target), no pair left out."""
+    """Squared Mahalanobis distances of all pairs (source, target)."""
     R = pose.rotation
-    gaps = (source_means @ R.T + pose.translation)[:, None] - target_means[None]
+    residuals = (source_means @ R.T + pose.translation)[:, None] - target_means[None]
     sums = (R @ source_covariances @ R.T)[:, None] + target_covariances[None]
-    return np.einsum("ija,ijab,ijb->ij", gaps, np.linalg.inv(sums), gaps)
+    return np.einsum("ija,ijab,ijb->ij", residuals, np.linalg.inv(sums), residuals)
 
 
 def d2d_value(pose, target, source, power=0.5, **shape):
@@ -31,8 +31,8 @@ def d2d_value(pose, target, source, power=0.5, **shape):
 
 def p2d_value(pose, target, points, **shape):
     """Minus the mean over the points of the sum over all Gaussians."""
-    gaps = (points @ pose.rotation.T + pose.translation)[:, None] - target.means[None]
-    s = np.einsum("ija,jab,ijb->ij", gaps, np.linalg.inv(target.covariances), gaps)
+    residuals = (points @ pose.rotation.T + pose.translation)[:, None] - target.means[None]
+    s = np.einsum("ija,jab,ijb->ij", residuals, np.linalg.inv(target.covariances), residuals)
     return -float(rho(s, **shape).sum() / len(points))
 
 
@@ -53,12 +53,12 @@ def p2d_gauss_newton(pose, target, points):
 
 
 def own_cell_value(pose, target, points, width):
-    """The P2D of Biber: each point against the Gaussian whose mean shares its cube, if any."""
+    """P2D of Biber: each point against the Gaussian whose mean lies in its cell, if any."""
     moved = points @ pose.rotation.T + pose.translation
     total = 0.0
     for point in moved:
         for mean, covariance in zip(target.means, target.covariances, strict=True):
             if (np.floor(mean / width) == np.floor(point / width)).all():
-                gap = point - mean
-                total -= rho(gap @ np.linalg.inv(covariance) @ gap)
+                residual = point - mean
+                total -= rho(residual @ np.linalg.inv(covariance) @ residual)
     return float(total) / len(points)

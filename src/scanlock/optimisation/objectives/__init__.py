@@ -1,1 +1,1 @@
-"""What is minimised: scores of Gaussians with exact derivatives in the pose."""
+"""Objectives of registration, with exact derivatives in the pose."""

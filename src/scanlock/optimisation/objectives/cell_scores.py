@@ -1,4 +1,4 @@
-"""The scores of NDT over the cells near a point: P2D of Biber, Magnusson and the libraries."""
+"""NDT scores over the cells near a point: P2D of Biber, Magnusson and the libraries."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -20,17 +20,18 @@ from scanlock.optimisation.solvers.problem import (
 )
 
 CellAssociation = Literal["own-cell", "seven-cells", "near-cells", "trilinear"]
-"""Which cells of the target a point of the source meets.
+"""Cells of the target that a point of the source is associated with.
 
-``"own-cell"`` the one that it lies in (Biber and Strasser 2003; Das et al. 2013 describe NDT so),
-``"seven-cells"`` that and those that share a face with it, ``"near-cells"`` those whose mean lies
-within one width (the Point Cloud Library), ``"trilinear"`` the 8 whose middles surround it, with
-weights that fall to 0 as a cell drops out (Magnusson et al. 2007). Only the last is continuous,
-and its slope still jumps.
+``"own-cell"``: the cell that contains the point (Biber and Strasser 2003; NDT in Das et al. 2013).
+``"seven-cells"``: the own cell and those that share a face with it.
+``"near-cells"``: the cells whose mean lies within one cell size (Point Cloud Library).
+``"trilinear"``: the 8 cells whose centres surround the point, with weights that fall to 0 at the
+distance where a cell drops out (Magnusson et al. 2007). Only this one is continuous, and its
+slope still jumps.
 """
 
 CELL_ASSOCIATIONS: tuple[CellAssociation, ...] = get_args(CellAssociation)
-"""All of them."""
+"""All cell associations."""
 
 _AROUND = np.indices((3, 3, 3)).reshape(3, 27).T - 1
 
@@ -43,10 +44,10 @@ _OFFSETS: dict[str, Labels] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class PointsToCells:
-    """P2D: every point of the source against the Gaussians of the cells around it.
+    """P2D score: every point of the source against the Gaussians of the cells around it.
 
-    The value is minus the mean over the points of the sum of ``rho`` over the cells that a point
-    meets. It jumps where a point changes its cells, and is twice differentiable in between.
+    The value is minus the mean over the points of the sum of ``rho`` over the associated cells.
+    It jumps where a point changes its cells, and is twice differentiable in between.
     """
 
     target: VoxelGaussians
@@ -58,26 +59,27 @@ class PointsToCells:
     def __post_init__(self) -> None:
         if self.association not in CELL_ASSOCIATIONS:
             raise InvalidInput(
-                f"meeting must be one of {', '.join(CELL_ASSOCIATIONS)}, got {self.association!r}"
+                f"association must be one of {', '.join(CELL_ASSOCIATIONS)}, "
+                f"got {self.association!r}"
             )
 
     @property
     def count(self) -> int:
-        """The points of the source."""
+        """Number of points of the source."""
         return len(self.points)
 
     @property
-    def places(self) -> Points:
-        """The points of the source."""
+    def positions(self) -> Points:
+        """Points of the source."""
         return self.points
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(self._terms(pose, self.points))
 
-    def shares(self, pose: Pose, units: Labels) -> Contributions:
-        """Return what the points of each unit add to gradient and Hessian at `pose`."""
-        return contributions_of_rows(units, [self.points], partial(self._terms, pose))
+    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
+        """Return the contribution of each block of points to gradient and Hessian at `pose`."""
+        return contributions_of_rows(blocks, [self.points], partial(self._terms, pose))
 
     def _terms(self, pose: Pose, points: Points) -> Vector:
         target = self.target
@@ -89,6 +91,6 @@ class PointsToCells:
         if self.association == "trilinear":
             terms = trilinear_terms(*given, *rest)
         else:
-            reach = target.width if self.association == "near-cells" else np.inf
-            terms = cell_terms(*given, _OFFSETS[self.association], float(reach), *rest)
-        return self.shape.height / len(self.points) * terms
+            max_distance = target.width if self.association == "near-cells" else np.inf
+            terms = cell_terms(*given, _OFFSETS[self.association], float(max_distance), *rest)
+        return self.shape.height / max(1, self.count) * terms

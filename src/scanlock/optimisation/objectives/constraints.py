@@ -1,4 +1,4 @@
-"""What is known of the pose besides the scans: locked directions, and a Gaussian prior."""
+"""Constraints on a pose besides the scans: locked degrees of freedom and a Gaussian prior."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -8,11 +8,11 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import exp_rotation, hat, inverse_left_jacobian, log_rotation
+from scanlock.geometry.rotations import exp_rotation, hat, inverse_left_jacobian
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 
 DegreesOfFreedom = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
-"""What may change of the initial pose, along and about the axes of the target's frame."""
+"""Degrees of freedom of a pose, along and about the axes of the target's frame."""
 
 _FREE: dict[DegreesOfFreedom, tuple[float, ...]] = {
     "xyz+rpy": (1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
@@ -20,30 +20,29 @@ _FREE: dict[DegreesOfFreedom, tuple[float, ...]] = {
     "xy+yaw": (1.0, 1.0, 0.0, 0.0, 0.0, 1.0),
 }
 
-_SYMMETRY = 1e-9
-"""Largest asymmetry of a covariance, relative to its largest entry, that rounding explains."""
+_MAX_ASYMMETRY = 1e-9
+"""Maximum asymmetry of a covariance, relative to its largest entry: a limit for rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PosePrior:
-    """A Gaussian belief about the pose, from odometry or a satellite receiver.
+    """Gaussian prior of a pose, for example from odometry or a satellite receiver.
 
     Attributes
     ----------
     pose : Pose
-        The mean, target from source.
+        Mean, target from source.
     covariance : (6, 6) [m^2, m rad, rad^2]
-        Of where the origin of the source lies in the target's frame, then of the rotation vector
-        that carries the mean's rotation into the true one, about the target's axes. Symmetric
-        and positive definite. The origin is that of the caller's coordinates for a scan about
-        its sensor; for coordinates far from zero it is the middle of the source, and the notes
-        of the result say where.
+        Covariance of a `Pose.perturbed` step: of the position of the source's origin in the
+        target's frame, then of the rotation vector from the mean's rotation to the true one,
+        about the target's axes. Symmetric and positive definite. For coordinates far from zero
+        the origin is the middle of the source, and the notes of the result give it.
 
     Raises
     ------
     InvalidInput
-        A covariance of another shape, not symmetric, or with a direction of no variance; to lock
-        a direction use ``dof``.
+        A covariance of another shape, an asymmetric one, or one that is not positive definite;
+        ``dof`` locks a direction.
     """
 
     pose: Pose
@@ -55,19 +54,19 @@ class PosePrior:
             raise InvalidInput(
                 f"covariance must be a finite (6, 6) matrix, got shape {covariance.shape}"
             )
-        gap = float(np.abs(covariance - covariance.T).max())
-        least = float(np.linalg.eigvalsh(covariance)[0])
-        if gap > _SYMMETRY * float(np.abs(covariance).max()) or least <= 0.0:
+        asymmetry = float(np.abs(covariance - covariance.T).max())
+        smallest = float(np.linalg.eigvalsh(covariance)[0])
+        if asymmetry > _MAX_ASYMMETRY * float(np.abs(covariance).max()) or smallest <= 0.0:
             raise InvalidInput(
                 "covariance must be symmetric and positive definite, got asymmetry "
-                f"{gap:.3g} and least eigenvalue {least:.3g}; dof locks a direction"
+                f"{asymmetry:.3g} and smallest eigenvalue {smallest:.3g}; dof locks a direction"
             )
         frozen(covariance)
         object.__setattr__(self, "covariance", covariance)
 
     @classmethod
     def from_deviations(cls, pose: Pose, translation: float, rotation: float) -> "PosePrior":
-        """Return a prior as sure along every axis: deviations [m] and [rad]."""
+        """Return an isotropic prior from standard deviations [m] and [rad]."""
         require_positive("translation", translation, unit="m")
         require_positive("rotation", rotation, unit="rad")
         return cls(pose, np.diag([translation**2] * 3 + [rotation**2] * 3))
@@ -80,15 +79,13 @@ class PosePrior:
     def linearise(self, pose: Pose) -> Quadratic:
         """Return ``r' precision r / 2`` of the residual r at `pose`, with its convex Hessian.
 
-        The residual is the translation between the two places of the source's origin and the
-        rotation vector from the mean's rotation to that of `pose`; its second derivatives are
-        left out of the Hessian, as Gauss and Newton do. They vanish at the mean.
+        The residual is ``pose.difference(mean)``. Its second derivatives vanish at the mean and
+        are left out of the Hessian, as in the Gauss-Newton method.
         """
-        turn = log_rotation(pose.rotation @ self.pose.rotation.T)
-        residual = np.concatenate([pose.translation - self.pose.translation, turn])
+        residual = pose.difference(self.pose)
         jacobian = np.eye(6)
         jacobian[:3, 3:] = -hat(pose.translation)
-        jacobian[3:, 3:] = inverse_left_jacobian(turn)
+        jacobian[3:, 3:] = inverse_left_jacobian(residual[3:])
         precision = self.precision
         pulled = precision @ residual
         return Quadratic(
@@ -109,13 +106,13 @@ class PosePrior:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Constraints:
-    """What holds a pose besides the scans."""
+    """Constraints on a pose besides the scans."""
 
     dof: DegreesOfFreedom = "xyz+rpy"
-    """Directions that may change; the others stay as in the initial pose."""
+    """Degrees of freedom; the other directions stay as in the initial pose."""
 
     prior: PosePrior | None = None
-    """Between the local frames of the clouds."""
+    """Prior of the pose between the local frames of the clouds."""
 
     def __post_init__(self) -> None:
         if self.dof not in _FREE:
@@ -123,15 +120,15 @@ class Constraints:
 
     @property
     def is_free(self) -> bool:
-        """Whether nothing is held at all."""
+        """Whether there is neither a locked direction nor a prior."""
         return self.dof == "xyz+rpy" and self.prior is None
 
     @property
     def free_directions(self) -> Vector:
-        """The (6,) ones for the components of a step ``(rho, phi)`` that may change, else 0."""
+        """The (6,) mask of a step ``(rho, phi)``: 1 for free components, 0 for locked ones."""
         return np.array(_FREE[self.dof])
 
-    def held(self, pose: Pose, start: Pose) -> Pose:
+    def project(self, pose: Pose, start: Pose) -> Pose:
         """Return the pose nearest to `pose` that leaves locked directions as in `start`."""
         if self.dof == "xyz+rpy":
             return pose
@@ -142,25 +139,25 @@ class Constraints:
             translation[2] = start.translation[2]
         return Pose(exp_rotation(np.array([0.0, 0.0, yaw])) @ start.rotation, translation)
 
-    def on(self, objective: Objective) -> Objective:
-        """Return the objective under this restraint; any solver can minimise it."""
+    def applied_to(self, objective: Objective) -> Objective:
+        """Return the constrained objective; any solver can minimise it."""
         return objective if self.is_free else ConstrainedObjective(objective, self)
 
 
 UNCONSTRAINED = Constraints()
-"""No restraint at all."""
+"""No constraint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ConstrainedObjective:
-    """An objective plus the prior's share, flat along the locked directions.
+    """An objective plus a prior, flat along the locked directions.
 
     Attributes
     ----------
     objective : Objective
-        What the scans say.
-    restraint : Restraint
-        What else holds the pose.
+        Objective of the scans.
+    constraints : Constraints
+        Locked directions and the prior.
     """
 
     objective: Objective
@@ -168,11 +165,13 @@ class ConstrainedObjective:
 
     @property
     def count(self) -> int:
-        """As of the objective alone."""
+        """Number of observations of the objective; a prior is not one of them."""
         return self.objective.count
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`."""
+        """Return value, gradient and Hessian at `pose`; empty without any observation."""
+        if self.count == 0:
+            return Quadratic.empty()
         quadratic = self.objective.linearise(pose)
         value, gradient, hessian = quadratic.value, quadratic.gradient, quadratic.hessian
         if self.constraints.prior is not None:

@@ -1,4 +1,4 @@
-"""The cost of generalised ICP: pairs of points with covariances (Segal et al. 2009, eq. 2)."""
+"""Cost of generalised ICP: correspondences with covariances (Segal et al. 2009, eq. 2)."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -20,25 +20,28 @@ from scanlock.optimisation.solvers.problem import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistributionPairs:
-    """Who met whom at one pose, held while the pose changes. Build with `at`.
+    """Correspondences found at one pose, fixed while the pose changes. Build with `at`.
 
-    The value is the mean over the pairs of half the squared Mahalanobis distance, ``d' B d / 2``
-    with ``d`` from the target point to the source point and ``B = (C_t + R C_s R')^-1``. Half,
-    because minus the logarithm of a Gaussian is, and a prior is weighed against it.
-
-    ``B`` keeps the rotation of the pose where the pairs met, as in Segal et al. and the code
-    after them. Turned along with the pose it would draw the scans askew: surfaces at an angle
-    have the larger sum of covariances, and so the smaller distance.
+    The value is the mean over the correspondences of half the squared Mahalanobis distance,
+    ``d' B d / 2`` with ``d`` from the target point to the source point and
+    ``B = (C_t + R C_s R')^-1``. The factor of one half is that of minus the logarithm of a
+    Gaussian, which a prior is weighed against.
 
     Attributes
     ----------
     target, source : SurfacePoints
     target_rows, source_rows : (m,)
-        Pair k is of these rows.
+        Rows of the points of each correspondence.
     precisions : (m, 6) [1/m^2]
-        ``B`` of each pair, packed.
+        ``B`` of each correspondence, packed.
     curvature : str
-        Whether the Hessian is exact or its convex part.
+        Exact Hessian, or its convex part.
+
+    Notes
+    -----
+    ``B`` keeps the rotation of the pose where the correspondences were found, as in Segal et al.
+    and the code after them. If it followed the pose, it would bias the rotation: surfaces at an
+    angle have the larger sum of covariances, and so the smaller distance.
     """
 
     target: SurfacePoints
@@ -58,23 +61,23 @@ class DistributionPairs:
         pose: Pose,
         target: SurfacePoints,
         source: SurfacePoints,
-        partners: Labels,
+        correspondences: Labels,
         curvature: Curvature = "exact",
     ) -> "DistributionPairs":
-        """Return the pairs that meet at a pose.
+        """Return the objective of the correspondences found at a pose.
 
         Parameters
         ----------
         pose : Pose
             Target from source.
         target, source : SurfacePoints
-        partners : (n,)
-            For each point of the source the row of the target's point it met; -1 for none.
+        correspondences : (n,)
+            Row of the target's point for each point of the source; -1 for none.
         curvature : str
-            Which Hessian to give.
+            Exact Hessian, or its convex part.
         """
-        source_rows = read_only(np.flatnonzero(partners >= 0).astype(np.int64, copy=False))
-        target_rows = read_only(partners[source_rows])
+        source_rows = read_only(np.flatnonzero(correspondences >= 0).astype(np.int64, copy=False))
+        target_rows = read_only(correspondences[source_rows])
         precisions = pair_precisions(
             target.covariances, source.covariances, target_rows, source_rows, pose.rotation
         )
@@ -82,29 +85,29 @@ class DistributionPairs:
 
     @property
     def count(self) -> int:
-        """How many pairs there are."""
+        """Number of correspondences."""
         return len(self.target_rows)
 
     def squared_distances(self, pose: Pose) -> Vector:
         """Return the (m,) squared Mahalanobis distances ``d' B d`` at `pose`."""
         moved = pose.apply(self.source.points[self.source_rows])
-        gaps = moved - self.target.points[self.target_rows]
-        return np.einsum("ma,mab,mb->m", gaps, unpacked(self.precisions), gaps)
+        residuals = moved - self.target.points[self.target_rows]
+        return np.einsum("ma,mab,mb->m", residuals, unpacked(self.precisions), residuals)
 
     @property
-    def places(self) -> Points:
-        """The point of the source of each pair."""
+    def positions(self) -> Points:
+        """Point of the source of each correspondence."""
         return self.source.points[self.source_rows]
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`; there must be a pair."""
+        """Return value, gradient and Hessian at `pose`."""
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
-    def shares(self, pose: Pose, units: Labels) -> Contributions:
-        """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
-        pairs = self.precisions, self.target_rows, self.source_rows
-        return contributions_of_rows(units, pairs, partial(self._terms, pose))
+    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
+        """Return what each block of correspondences adds to gradient and Hessian at `pose`."""
+        arrays = self.precisions, self.target_rows, self.source_rows
+        return contributions_of_rows(blocks, arrays, partial(self._terms, pose))
 
     def _terms(
         self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels
@@ -119,4 +122,4 @@ class DistributionPairs:
             pose.translation,
             float(self.curvature == "exact"),
         )
-        return terms / self.count
+        return terms / max(1, self.count)

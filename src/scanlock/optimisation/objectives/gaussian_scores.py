@@ -1,4 +1,4 @@
-"""The scores of NDT over all Gaussians: rho and Lambda of Das et al. 2013, sections VI, VII."""
+"""NDT scores over all Gaussians: rho and Lambda of Das et al. 2013, sections VI and VII."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -13,43 +13,44 @@ from scanlock.kernels.gaussians.d2d import d2d_terms
 from scanlock.kernels.gaussians.p2d import p2d_terms, point_balls
 from scanlock.kernels.points.morton import morton_codes
 from scanlock.models.gaussians import Gaussians
-from scanlock.optimisation.objectives.candidates import Association, Lists
-from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, Reach
+from scanlock.optimisation.objectives.associations import Association, Lists
+from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, NeighbourSearch
 from scanlock.optimisation.solvers.problem import (
     Contributions,
     Curvature,
     Quadratic,
     contributions_of_rows,
-    gathered,
+    rows_by_block,
 )
 from scanlock.threads import spread
 
-_KEPT = "_near_pairs"
-"""Under this name an objective keeps the pairs in reach of its last pose."""
+_CACHED = "_neighbour_lists"
+"""Name under which an objective caches the neighbour lists of its last pose."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ScoreShape:
-    """The score of one pair as a function of its squared Mahalanobis distance s.
+    """Score of one pair as a function of its squared Mahalanobis distance s.
 
-    ``-height exp(-sharpness s / 2)``, cut off by a window that is 1 up to `window_start` and
-    falls to 0 at `window_end` with two continuous derivatives, so that skipping pairs beyond the
-    end changes nothing that a solver can see.
+    The score is ``-height exp(-sharpness s / 2)`` times a window. The window is 1 up to
+    `window_start` and falls to 0 at `window_end` with two continuous derivatives, so that leaving
+    out the pairs beyond changes neither the value nor its derivatives.
     """
 
     sharpness: float = 1.0
-    """1 in the paper; smaller values widen the basin (0.05 in Stoyanov's published code)."""
+    """Factor of the squared distance: 1 in the paper, 0.05 in Stoyanov's published code. Smaller
+    values enlarge the basin of convergence."""
 
     height: float = 1.0
-    """Score of a perfect pair. A factor of the whole value: it moves no minimum, but says how
-    much the scans weigh against a prior, and how small a gradient is."""
+    """Score of a perfect pair. It scales the whole value: it moves no minimum, but sets the weight
+    of the scans against a prior, and the size of a gradient."""
 
     window_start: float = 16.0
-    """Squared distance, times the sharpness, where the window begins to fall; what is cut
-    weighs under e^-8."""
+    """Squared distance, times the sharpness, at which the window starts to fall; the score there
+    is e^-8 of the height."""
 
     window_end: float = 25.0
-    """Squared distance, times the sharpness, from which a pair counts nothing."""
+    """Squared distance, times the sharpness, from which the score is 0."""
 
     def __post_init__(self) -> None:
         require_positive("sharpness", self.sharpness)
@@ -63,24 +64,24 @@ class ScoreShape:
 
     @classmethod
     def magnusson(cls, width: float, outlier_ratio: float = 0.55) -> "ScoreShape":
-        """Return the Gaussian nearest to the log likelihood of a cell with outliers.
+        """Return the Gaussian approximation of the log likelihood of a cell with outliers.
 
-        A point of a cell comes from its Gaussian or, with the probability `outlier_ratio`, from
-        anywhere in the cell: ``-log(c1 exp(-s / 2) + c2)``. The shape agrees with that at s = 0,
-        at s = 1 and far away; in Magnusson 2009, equation 6.8, the height is ``-d1`` and the
-        sharpness ``d2``. The window stays where it is in terms of the score, e^-8 of the height.
+        A point of a cell comes from its Gaussian or, with the probability `outlier_ratio`, from a
+        uniform distribution over the cell: ``-log(c1 exp(-s / 2) + c2)``. The shape agrees with
+        that at s = 0, at s = 1 and far away; in Magnusson 2009, equation 6.8, the height is
+        ``-d1`` and the sharpness ``d2``. The window starts at e^-8 of the height, as by default.
 
         Parameters
         ----------
         width : float [m]
             Side of the cells.
         outlier_ratio : float
-            Above 0 and below 1; 0.55 in the Point Cloud Library.
+            Share of the outliers, above 0 and below 1; 0.55 in the Point Cloud Library.
         """
         require_positive("width", width, unit="m")
         if not 0.0 < outlier_ratio < 1.0:
             raise InvalidInput(f"outlier_ratio must lie above 0 and below 1, got {outlier_ratio}")
-        # c1 / c2, how much likelier a point at the mean is under the Gaussian than without it.
+        # c1 / c2: density of a point at the mean under the Gaussian over that of an outlier.
         odds = 10.0 * (1.0 - outlier_ratio) * width**3 / outlier_ratio
         height = math.log1p(odds)
         at_one = math.log1p(odds * math.exp(-0.5))
@@ -88,7 +89,7 @@ class ScoreShape:
 
     @property
     def parameters(self) -> tuple[float, float, float]:
-        """Sharpness, and the squared distances where the window begins and ends."""
+        """Sharpness, and the squared distances at which the window starts and ends."""
         return (
             self.sharpness,
             self.window_start / self.sharpness,
@@ -98,10 +99,10 @@ class ScoreShape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaussiansToGaussians:
-    """D2D: Gaussians of the source against Gaussians of the target, each with every other.
+    """D2D score: every Gaussian of the source against every Gaussian of the target.
 
-    The value is minus the sum over all pairs of ``w_i w_j rho``, with the counts to
-    `weight_power`, scaled to unit length, as the weights of either side; it is symmetric under
+    The value is minus the sum over all pairs of ``w_i w_j rho``. The weights of either side are
+    the counts to the power `weight_power`, scaled to unit length. The value is symmetric under
     exchange of the scans, unless `candidates` are chosen for the source.
     """
 
@@ -111,11 +112,11 @@ class GaussiansToGaussians:
     weight_power: float = 0.5
     curvature: Curvature = "exact"
     candidates: Association | None = None
-    """Pairs that count; None for all."""
+    """Association rule that chooses the pairs; None for all pairs."""
 
     @property
     def count(self) -> int:
-        """The Gaussians of the source."""
+        """Number of Gaussians of the source."""
         return len(self.source)
 
     def linearise(self, pose: Pose) -> Quadratic:
@@ -124,29 +125,31 @@ class GaussiansToGaussians:
             lists = self.candidates.at(pose.apply(self.source.means))
             terms = self._terms(pose, slice(None), lists)
         else:
-            near = self._near_at(pose)
-            parts = spread(
-                lambda part: self._terms(pose, near.rows(part), near.lists(part)), near.parts
+            near = self._neighbours_at(pose)
+            by_chunk = spread(
+                lambda chunk: self._terms(pose, near.rows(chunk), near.lists(chunk)), near.chunks
             )
-            terms = parts[0] if len(parts) == 1 else np.sum([np.zeros(28), *parts], axis=0)
+            terms = by_chunk[0] if len(by_chunk) == 1 else np.sum([np.zeros(28), *by_chunk], axis=0)
         return Quadratic.from_terms(self.shape.height * terms)
 
     @property
-    def places(self) -> Points:
-        """The means of the source."""
+    def positions(self) -> Points:
+        """Means of the source."""
         return self.source.means
 
-    def shares(self, pose: Pose, units: Labels) -> Contributions:
-        """Return what the Gaussians of each unit add to gradient and Hessian."""
-        order, runs = gathered(units)
+    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
+        """Return what each block of source Gaussians adds to gradient and Hessian at `pose`."""
+        order, runs = rows_by_block(blocks)
         ordered = replace(self, source=self.source.taken(order))
         if self.candidates is not None:
             lists, starts, members = self.candidates.at(pose.apply(ordered.source.means))
         else:
             every = slice(0, len(order))
-            lists, starts, members = NeighbourLists(ordered._reach, pose).listed(every)
-        terms = [ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
-        return Contributions.from_terms(self.shape.height * np.array(terms))
+            lists, starts, members = NeighbourLists(ordered._search, pose).computed(every)
+        height = self.shape.height
+        return Contributions.from_terms(
+            [height * ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
+        )
 
     @cached_property
     def _weights(self) -> tuple[Vector, Vector]:
@@ -169,22 +172,22 @@ class GaussiansToGaussians:
         )
 
     @cached_property
-    def _reach(self) -> Reach:
+    def _search(self) -> NeighbourSearch:
         _, _, window_end = self.shape.parameters
-        return Reach(self.target, self.source, window_end)
+        return NeighbourSearch(self.target, self.source, window_end)
 
-    def _near_at(self, pose: Pose) -> NeighbourLists:
-        near: NeighbourLists | None = self.__dict__.get(_KEPT)
-        if near is None or not near.hold_at(pose):
-            near = NeighbourLists(self._reach, pose)
-            # Not part of what the objective is: values are the same whatever is kept.
-            self.__dict__[_KEPT] = near
+    def _neighbours_at(self, pose: Pose) -> NeighbourLists:
+        near: NeighbourLists | None = self.__dict__.get(_CACHED)
+        if near is None or not near.are_valid_at(pose):
+            near = NeighbourLists(self._search, pose)
+            # A cache behind a frozen class: values are the same whatever it holds.
+            self.__dict__[_CACHED] = near
         return near
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointsToGaussians:
-    """P2D: every point of the source against every Gaussian of the target.
+    """P2D score: every point of the source against every Gaussian of the target.
 
     The value is minus the mean over the points of the sum over the Gaussians of ``rho``, the
     cost Lambda of the paper divided by the number of points.
@@ -197,25 +200,25 @@ class PointsToGaussians:
 
     @property
     def count(self) -> int:
-        """The points of the source."""
+        """Number of points of the source."""
         return len(self.points)
 
     @property
-    def places(self) -> Points:
-        """The points of the source."""
+    def positions(self) -> Points:
+        """Points of the source."""
         return self.points
 
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
-        return Quadratic.from_terms(self._terms(pose, *self._blocks))
+        return Quadratic.from_terms(self._terms(pose, *self._sorted_points))
 
-    def shares(self, pose: Pose, units: Labels) -> Contributions:
-        """Return what the points of each unit add to gradient and Hessian at `pose`."""
+    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
+        """Return the contribution of each block of points to gradient and Hessian at `pose`."""
 
         def terms(points: Points) -> Vector:
             return self._terms(pose, points, point_balls(points))
 
-        return contributions_of_rows(units, [self.points], terms)
+        return contributions_of_rows(blocks, [self.points], terms)
 
     def _terms(self, pose: Pose, points: Points, balls: Matrix) -> Vector:
         terms = p2d_terms(
@@ -227,18 +230,18 @@ class PointsToGaussians:
             *self.shape.parameters,
             float(self.curvature == "exact"),
         )
-        return self.shape.height / len(self.points) * terms
+        return self.shape.height / max(1, self.count) * terms
 
     @cached_property
-    def _blocks(self) -> tuple[Points, Matrix]:
-        """The points with neighbours together, and balls around each few of them."""
+    def _sorted_points(self) -> tuple[Points, Matrix]:
+        """The points in Morton order, and the bounding balls of short runs of them."""
         order = np.argsort(morton_codes(read_only(self.points)))
         points = read_only(self.points[order])
         return points, read_only(point_balls(points))
 
     @cached_property
     def _rows(self) -> Matrix:
-        """Mean, packed precision and reach [m] of each Gaussian, a row (10) each."""
+        """The (k, 10) means, packed precisions and cut-off distances [m] of the Gaussians."""
         _, _, window_end = self.shape.parameters
         rows = np.empty((len(self.target), 10))
         rows[:, :3] = self.target.means

@@ -1,9 +1,9 @@
-"""Pairs of Gaussians that can score at a pose, and at all poses near it.
+"""Neighbour lists: the pairs of Gaussians that can score at a pose and at all poses near it.
 
-A pair is out of reach when its means are farther apart than the window allows for the largest
-variances of either, which no rotation changes. Lists that reach a little farther stay good until
-something has moved by as much (Verlet 1967), so most steps of a solver need no new ones, and the
-value is that of all pairs.
+A pair is out of range when the distance of its means exceeds what the window allows for the
+largest variances of either Gaussian, which no rotation changes. Lists with a margin stay valid
+until a source has moved by the margin (Verlet 1967). Most steps of a solver therefore need no new
+lists, and the value is still that of all pairs.
 """
 
 import math
@@ -20,38 +20,38 @@ from scanlock.kernels.gaussians.neighbour_lists import (
     targets_in_reach,
 )
 from scanlock.models.gaussians import Gaussians
-from scanlock.optimisation.objectives.candidates import Lists
+from scanlock.optimisation.objectives.associations import Lists
 
 _SLACK = 0.03
-"""How far the centre may move while lists last, as a share of the typical reach."""
+"""Maximum translation of the centre while lists are valid, over the typical cut-off distance."""
 
-_PART = 1024
-"""Sources whose pairs are one piece of work, whatever the number of threads."""
+_CHUNK = 1024
+"""Sources in one piece of work, for any number of threads."""
 
-_MOST_KEPT = 1 << 23
-"""Pairs whose lists are kept; more are listed anew, a part at a time, for every value."""
+_MAX_CACHED = 1 << 23
+"""Maximum number of pairs in cached lists; the lists of further chunks are computed at each use."""
 
 _CELL = 0.8
-"""Side of the cells that the targets are sorted into, as a share of the typical reach."""
+"""Side of the cells that the targets are sorted into, over the typical cut-off distance."""
 
-_LEAST_CELL = 1e-3
-"""Least side of a cell [m]: targets may all lie in one place."""
+_MIN_CELL = 1e-3
+"""Minimum side of a cell [m], for targets that all lie in one place."""
 
-_LEAST_ARM = 1e-3
-"""Least typical distance of the sources from their centre [m]: there may be only one."""
+_MIN_ARM = 1e-3
+"""Minimum typical distance of the sources from their centre [m], for a single source."""
 
 _Grid = tuple[Labels, Labels, Matrix, Vector, float, int, int, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
-    """How far each source reaches, whatever the pose.
+class NeighbourSearch:
+    """Cut-off distances and cell grid of a pair of Gaussian sets, for any pose.
 
     Attributes
     ----------
     target, source : Gaussians
     window_end : float
-        Squared Mahalanobis distance from which a pair scores nothing.
+        Squared Mahalanobis distance from which a pair scores 0.
     """
 
     target: Gaussians
@@ -60,7 +60,7 @@ class Reach:
 
     @property
     def scale(self) -> float:
-        """A pair is in reach at a squared distance below this by both widths, and the margin."""
+        """Factor of the sum of both variances in the squared cut-off distance."""
         return self.window_end * (1.0 + _SLACK)
 
     @cached_property
@@ -69,21 +69,25 @@ class Reach:
         return self._centre_and_arms[0]
 
     @cached_property
-    def shift(self) -> float:
-        """How far the centre may move before lists must be made anew [m]."""
+    def max_shift(self) -> float:
+        """Maximum translation of the centre while lists are valid [m]."""
         both = _quantile(self.target.widths, 0.5) + _quantile(self.source.widths, 0.5)
         return _SLACK * math.sqrt(self.window_end * both)
 
     @cached_property
-    def turn(self) -> float:
-        """How far all may turn about it [rad]: the typical source then moves by the shift again."""
+    def max_turn(self) -> float:
+        """Maximum rotation about the centre while lists are valid [rad].
+
+        It moves a source at the typical distance by `max_shift`.
+        """
         arms = self._arms
-        return self.shift / max(math.sqrt(float(arms @ arms) / max(1, len(arms))), _LEAST_ARM)
+        typical = max(math.sqrt(float(arms @ arms) / max(1, len(arms))), _MIN_ARM)
+        return self.max_shift / typical
 
     @cached_property
     def margins(self) -> Vector:
-        """What the slack of each source adds to the squared distances in reach (m,) [m^2]."""
-        slacks = self.shift + self.turn * self._arms
+        """Margin of each source in the squared cut-off distance (m,) [m^2]."""
+        slacks = self.max_shift + self.max_turn * self._arms
         # For any share e, (sqrt(a) + slack)^2 <= (1 + e) a + (1 + 1 / e) slack^2.
         return read_only((1.0 + 1.0 / _SLACK) * slacks**2)
 
@@ -97,9 +101,9 @@ class Reach:
 
     @cached_property
     def grid(self) -> _Grid:
-        """The targets, sorted into cells somewhat smaller than the typical reach."""
+        """At least one target, sorted into cells below the typical cut-off distance."""
         target = self.target
-        side = max(_CELL * self.shift / _SLACK, _LEAST_CELL)
+        side = max(_CELL * self.max_shift / _SLACK, _MIN_CELL)
         starts, order, inside, corner, side, columns, rows = sorted_by_cell(
             target.means, target.widths, side
         )
@@ -109,66 +113,71 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class NeighbourLists:
-    """Lists of the targets in reach of every source, good around the pose they are made at.
+    """Lists of the targets in range of each source, valid around the pose they are computed at.
 
     Attributes
     ----------
-    reach : Reach
+    search : NeighbourSearch
     pose : Pose
     """
 
-    reach: Reach
+    search: NeighbourSearch
     pose: Pose
-    _kept: dict[int, Lists] = field(default_factory=dict[int, Lists])
+    _cached: dict[int, Lists] = field(default_factory=dict[int, Lists])
 
     @property
-    def parts(self) -> range:
-        """The pieces that the sources are cut into."""
-        reach = self.reach
-        return range(math.ceil(len(reach.source) / _PART) if len(reach.target) else 0)
+    def chunks(self) -> range:
+        """Chunks that the sources are divided into."""
+        search = self.search
+        return range(math.ceil(len(search.source) / _CHUNK) if len(search.target) else 0)
 
-    def rows(self, part: int) -> slice:
-        """Return the sources of a part."""
-        return slice(part * _PART, min((part + 1) * _PART, len(self.reach.source)))
+    def rows(self, chunk: int) -> slice:
+        """Return the sources of a chunk."""
+        return slice(chunk * _CHUNK, min((chunk + 1) * _CHUNK, len(self.search.source)))
 
-    def lists(self, part: int) -> Lists:
-        """Return the lists of the sources of a part."""
-        kept = self._kept.get(part)
-        if kept is None:
-            kept = self.listed(self.rows(part))
-            # A copy at one stroke: other threads may be adding theirs.
-            if sum(len(members) for _, _, members in list(self._kept.values())) < _MOST_KEPT:
-                self._kept[part] = kept
-        return kept
+    def lists(self, chunk: int) -> Lists:
+        """Return the lists of the sources of a chunk."""
+        lists = self._cached.get(chunk)
+        if lists is None:
+            lists = self.computed(self.rows(chunk))
+            # An atomic copy: other threads may be adding lists.
+            if sum(len(members) for _, _, members in list(self._cached.values())) < _MAX_CACHED:
+                self._cached[chunk] = lists
+        return lists
 
-    def hold_at(self, pose: Pose) -> bool:
-        """Tell whether no source has moved farther than the lists allow."""
+    def are_valid_at(self, pose: Pose) -> bool:
+        """Return whether no source has moved by more than its margin."""
         change = pose.rotation - self.pose.rotation
         # A turn by a moves the end of an arm r by 2 sin(a / 2) r, and sqrt(2) times that factor
         # is the norm of the change.
         turn = math.sqrt(0.5 * float(np.vdot(change, change)))
-        shift = change @ self.reach.centre + pose.translation - self.pose.translation
-        return turn <= self.reach.turn and math.sqrt(float(shift @ shift)) <= self.reach.shift
+        shift = change @ self.search.centre + pose.translation - self.pose.translation
+        is_near = math.sqrt(float(shift @ shift)) <= self.search.max_shift
+        return turn <= self.search.max_turn and is_near
 
-    def listed(self, rows: slice) -> Lists:
-        """Return the lists of some sources, made anew."""
-        reach = self.reach
+    def computed(self, rows: slice) -> Lists:
+        """Return new lists of some sources."""
+        search = self.search
+        if not len(search.target):
+            none = np.zeros(0, np.int64)
+            lists = np.full(rows.stop - rows.start, -1, np.int64)
+            return read_only(lists), read_only(np.zeros(1, np.int64)), read_only(none)
         ends, members = targets_in_reach(
-            *reach.grid,
-            read_only(reach.source.means[rows]),
-            read_only(reach.source.widths[rows]),
-            read_only(reach.margins[rows]),
+            *search.grid,
+            read_only(search.source.means[rows]),
+            read_only(search.source.widths[rows]),
+            read_only(search.margins[rows]),
             self.pose.rotation,
             self.pose.translation,
-            reach.scale,
+            search.scale,
         )
         return read_only(np.arange(len(ends) - 1)), read_only(ends), read_only(members)
 
 
 def _quantile(values: Vector, share: float) -> float:
-    """Return the least value that is no less than a share of all; 0 where there are none."""
+    """Return the smallest value that is not below a share of all values; 0 of no values."""
     if len(values) == 0:
         return 0.0
     # NumPy's own takes longer than all the rest of a small grid.
-    place = math.ceil(share * (len(values) - 1))
-    return float(np.partition(values, place)[place])
+    position = math.ceil(share * (len(values) - 1))
+    return float(np.partition(values, position)[position])

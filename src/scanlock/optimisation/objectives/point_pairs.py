@@ -1,4 +1,4 @@
-"""The cost of pairs of points: eq. (2) of Madhavan and Messina 2003, to planes, or under noise."""
+"""Cost of point correspondences: Madhavan and Messina 2003, eq. (2), point-to-plane, with noise."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -21,23 +21,23 @@ _COLUMNS = [0, 1, 2, 1, 2, 2]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class PointPairs:
-    """Pairs of points, each with what its distance costs along every axis.
+    """Cost of point correspondences, each with a precision matrix.
 
-    The value is the mean over the pairs of ``d' P d / 2`` with ``d`` from the target's point to
-    that of the source, in the target's frame, and P the precision of the pair. Half, because
-    minus the logarithm of a Gaussian is, and a prior is weighed against it. P stays as it was
-    where the pairs were made; what makes a pair count less is a factor in its P.
+    The value is the mean over the correspondences of ``d' P d / 2``. The residual d leads from
+    the point of the target to that of the source, in the target's frame; P is the precision of
+    the correspondence. The factor of one half is that of minus the logarithm of a Gaussian, which
+    a prior is weighed against. P stays fixed while the pose changes; weights are factors of P.
 
     Attributes
     ----------
     target, source : (n, 3), (k, 3) [m]
         Points of either side, each in its own frame.
     target_rows, source_rows : (m,)
-        Pair i is of these rows.
+        Rows of the points of each correspondence.
     precisions : (m, 6) [1/m^2]
-        Packed as xx, xy, xz, yy, yz, zz; see the functions beside.
+        Precisions packed as xx, xy, xz, yy, yz, zz; see the functions in this module.
     curvature : str
-        Whether the Hessian is exact or its convex part.
+        Exact Hessian, or its convex part.
     """
 
     target: Points
@@ -55,23 +55,23 @@ class PointPairs:
 
     @property
     def count(self) -> int:
-        """How many pairs there are."""
+        """Number of correspondences."""
         return len(self.target_rows)
 
     @property
-    def places(self) -> Points:
-        """The point of the source of each pair."""
+    def positions(self) -> Points:
+        """Point of the source of each correspondence."""
         return self.source[self.source_rows]
 
     def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`; there must be a pair."""
+        """Return value, gradient and Hessian at `pose`."""
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
-    def shares(self, pose: Pose, units: Labels) -> Contributions:
-        """Return what the pairs of each unit add to gradient and Hessian at `pose`."""
-        pairs = self.precisions, self.target_rows, self.source_rows
-        return contributions_of_rows(units, pairs, partial(self._terms, pose))
+    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
+        """Return what each block of correspondences adds to gradient and Hessian at `pose`."""
+        arrays = self.precisions, self.target_rows, self.source_rows
+        return contributions_of_rows(blocks, arrays, partial(self._terms, pose))
 
     def _terms(
         self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels
@@ -86,11 +86,11 @@ class PointPairs:
             pose.translation,
             float(self.curvature == "exact"),
         )
-        return terms / self.count
+        return terms / max(1, self.count)
 
 
 def point_precisions(weights: Vector) -> Matrix:
-    """Return (m, 6) the precisions under which ``d' P d = weight |d|^2``: point to point.
+    """Return the (m, 6) point-to-point precisions, ``d' P d = weight |d|^2``.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def point_precisions(weights: Vector) -> Matrix:
 
 
 def plane_precisions(normals: Points, weights: Vector) -> Matrix:
-    """Return (m, 6) the precisions under which ``d' P d = weight (n.d)^2``: point to plane.
+    """Return the (m, 6) point-to-plane precisions, ``d' P d = weight (n.d)^2``.
 
     Parameters
     ----------
@@ -112,20 +112,27 @@ def plane_precisions(normals: Points, weights: Vector) -> Matrix:
 
 
 def noise_precisions(target: Matrix, source: Matrix, pose: Pose) -> Matrix:
-    """Return (m, 6) ``(C_t + R C_s R')^-1`` [1/m^2] of pairs with these covariances.
+    """Return the (m, 6) precisions ``(C_t + R C_s R')^-1`` [1/m^2] of noisy correspondences.
 
     Parameters
     ----------
     target, source : (m, 6) [m^2]
         Packed covariances of either side, each in its own frame.
     pose : Pose
-        Whose rotation R turns the source's.
+        Pose with the rotation R from the source's frame to the target's.
     """
     rows = read_only(np.arange(len(target)))
     return pair_precisions(read_only(target), read_only(source), rows, rows, pose.rotation)
 
 
 def variances_along(normals: Points, covariances: Matrix) -> Vector:
-    """Return (m,) ``n' C n`` [m^2] of packed covariances along unit normals in the same frame."""
+    """Return the (m,) variances ``n' C n`` [m^2] of packed covariances along unit normals.
+
+    Parameters
+    ----------
+    normals : (m, 3)
+        Unit normals, in the frame of the covariances.
+    covariances : (m, 6) [m^2]
+    """
     doubled = covariances * np.array([1.0, 2.0, 2.0, 1.0, 2.0, 1.0])
     return np.einsum("mp,mp->m", doubled, normals[:, _ROWS] * normals[:, _COLUMNS])

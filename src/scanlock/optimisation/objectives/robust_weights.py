@@ -1,4 +1,4 @@
-"""Robust weights: residuals in, weights out, so that no kernel knows of any loss."""
+"""Robust weights of residuals, so that no kernel has to know a loss function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput, require_positive
 
 RobustLoss = Literal["none", "huber", "cauchy", "geman-mcclure", "tukey", "welsch"]
-"""How the weight falls with the residual r over the scale c, ``u = |r| / c``.
+"""Weight as a function of the residual r over the scale c, ``u = |r| / c``.
 
 none 1; huber ``min(1, 1/u)``; cauchy ``1/(1 + u^2)``; geman-mcclure ``1/(1 + u^2)^2``; tukey
 ``(1 - u^2)^2``, 0 beyond 1; welsch ``exp(-u^2)``.
@@ -33,25 +33,25 @@ TUNING: dict[RobustLoss, float] = {
     "tukey": 4.685,
     "welsch": 2.985,
 }
-"""Scale over the standard deviation at which 95 % of the efficiency of least squares is kept on
-Gaussian residuals."""
+"""Scale over the standard deviation of Gaussian residuals, for 95 % of the efficiency of least
+squares."""
 
 _DEVIATION_OVER_MEDIAN = 1.4826
-"""Standard deviation of a Gaussian over the median of its magnitude."""
+"""Standard deviation of a Gaussian over the median of its absolute value."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RobustWeights:
-    """Settings that give each residual a weight in [0, 1]."""
+    """Settings of a robust loss, which gives each residual a weight in [0, 1]."""
 
     loss: RobustLoss = "none"
-    """How the weight falls with the residual."""
+    """Robust loss."""
 
     scale: float | None = None
-    """Residual where it begins to fall, c [m]; None takes it from the median of the residuals."""
+    """Scale c of the residuals [m]; None estimates it from the median of the residuals."""
 
     min_scale: float = 0.01
-    """A scale from the median is never below this [m]: of identical scans it would be zero."""
+    """Minimum of the estimated scale [m], which is zero for identical scans."""
 
     def __post_init__(self) -> None:
         if self.loss not in _WEIGHTS:
@@ -61,15 +61,15 @@ class RobustWeights:
         require_positive("min_scale", self.min_scale, unit="m")
 
     def scale_for(self, residuals: Vector) -> float:
-        """Return the scale c [m]: the fixed one, or from the median magnitude of the residuals."""
+        """Return the scale c [m]: the fixed one, or one from the median absolute residual."""
         if self.scale is not None:
             return self.scale
         deviation = _DEVIATION_OVER_MEDIAN * float(np.median(np.abs(residuals)))
         return max(TUNING[self.loss] * deviation, self.min_scale)
 
     def weights(self, residuals: Vector) -> Vector:
-        """Return the (m,) weights of the residuals [m], of either sign; at least one."""
+        """Return the (m,) weights of at least one residual [m] of either sign."""
         if self.loss == "none":
-            # All alike, at whatever scale: no median is needed.
+            # All weights are 1 at any scale: no median is needed.
             return np.ones(len(residuals))
         return _WEIGHTS[self.loss](np.abs(residuals) / self.scale_for(residuals))

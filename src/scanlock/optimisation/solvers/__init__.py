@@ -1,1 +1,1 @@
-"""How it is minimised: knows poses and objectives, never clouds."""
+"""Solvers over poses; they know objectives by a protocol, and no point clouds."""

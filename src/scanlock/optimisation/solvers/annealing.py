@@ -1,7 +1,7 @@
-"""Simulated annealing over poses: a seeded search for the few minima that are worth refining.
+"""Simulated annealing over poses: a seeded search for a few minima to refine.
 
-Madhavan and Messina 2003 name it as the cure for starts beyond the basin of ICP: slow by itself,
-and so best in front of it. Kirkpatrick et al. 1983 with proposals that shrink as it cools.
+Kirkpatrick et al. 1983, with proposals that shrink with the temperature. Madhavan and Messina 2003
+suggest it for starts beyond the basin of convergence of ICP. It is slow, so it runs before ICP.
 """
 
 import math
@@ -14,24 +14,27 @@ from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 
-_FIRST_LOOKS = 20
-"""Poses tried before the first step, whose energies tell how hot the beginning must be."""
+_INITIAL_SAMPLES = 20
+"""Poses sampled before the first step, whose energies set the first temperature."""
 
 _HEAT = 0.05
-"""First temperature over the deviation of those energies. Most are of poses turned so far that
-nothing fits: at a temperature like theirs a chain drifts away and never comes back."""
+"""First temperature over the standard deviation of the sampled energies. Most of those poses are
+rotated so far that nothing fits: with a temperature of that size a chain never returns."""
 
-_SMALLEST = 0.1
-"""Proposals are this share of their deviations at least, all shares up to 1 being as likely by
-their logarithm: a good pose wants small steps even while large ones are still allowed."""
+_MIN_SIZE = 0.1
+"""Minimum size of a proposal relative to the current deviations; sizes up to 1 are log-uniform.
+Near a good pose small steps succeed, even while large ones are still allowed."""
 
 _BLOCKS = np.array([[1, 1, 0, 0, 0, 1], [0, 0, 1, 1, 1, 0], [1, 1, 1, 1, 1, 1]], np.float64)
-"""What is proposed in turn: a motion over level ground, a tilt and lift, and all at once."""
+"""Components of a step that are proposed in turn: x, y and yaw; z, roll and pitch; all."""
+
+_ROTATION_SCALE = 20.0
+"""Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Minimum:
-    """A pose that no pose found near it beats.
+    """A pose of lower energy than all poses sampled near it.
 
     Attributes
     ----------
@@ -48,39 +51,39 @@ class Annealing:
     """Settings of simulated annealing."""
 
     horizontal: float = 4.0
-    """Deviation of the first proposals along x and y [m]."""
+    """Standard deviation of the first proposals along x and y [m]."""
 
     vertical: float = 2.0
-    """The same along z [m]."""
+    """Standard deviation of the first proposals along z [m]."""
 
-    tilt: float = math.radians(7.0)
-    """The same about x and y [rad]."""
+    roll_pitch: float = math.radians(7.0)
+    """Standard deviation of the first proposals about x and y [rad]."""
 
     yaw: float = math.radians(25.0)
-    """The same about z [rad]."""
+    """Standard deviation of the first proposals about z [rad]."""
 
     cooling: float = 0.995
-    """Temperature and proposals shrink by this factor from step to step."""
+    """Factor of the temperature and of the proposals from step to step."""
 
     steps: int = 500
-    """Poses tried by each chain."""
+    """Number of steps of each chain."""
 
     chains: int = 3
-    """Searches that all begin at the start; each may end in another minimum."""
+    """Number of chains; all begin at the start, and each may end in another minimum."""
 
     minima: int = 3
-    """How many distinct minima to return, at most."""
+    """Maximum number of distinct minima to return."""
 
     min_separation: float = 1.0
-    """Poses nearer than this [m], rotations counted at 20 m, are one minimum."""
+    """Minimum distance of distinct minima [m], with rotations counted at 20 m."""
 
     seed: int = 0
-    """The same seed gives the same minima, to the bit."""
+    """Seed of the random numbers; equal seeds give bitwise equal minima."""
 
     def __post_init__(self) -> None:
         for name in ("horizontal", "vertical", "min_separation"):
             require_positive(name, getattr(self, name), unit="m")
-        for name in ("tilt", "yaw"):
+        for name in ("roll_pitch", "yaw"):
             require_positive(name, getattr(self, name), unit="rad")
         if not 0.0 < self.cooling < 1.0:
             raise InvalidInput(f"cooling must lie between 0 and 1, got {self.cooling}")
@@ -91,26 +94,26 @@ class Annealing:
     def search(
         self, energy: Callable[[Pose], float], start: Pose, free: Vector | None = None
     ) -> tuple[Minimum, ...]:
-        """Return distinct poses of low energy, the lowest first.
+        """Return distinct poses of low energy, lowest first.
 
         Parameters
         ----------
         energy : callable
-            What to make small, at a pose.
+            Function of a pose to minimise.
         start : Pose
-            Where every chain begins.
+            First pose of every chain.
         free : (6,), optional
-            Ones for the components of a step ``(rho, phi)`` that may change, zeros for others.
+            Ones for the free components of a step ``(rho, phi)``, zeros for locked ones.
         """
         rng = np.random.default_rng(self.seed)
-        flat, turn = self.horizontal, self.tilt
+        flat, turn = self.horizontal, self.roll_pitch
         deviations = np.array([flat, flat, self.vertical, turn, turn, self.yaw])
         if free is not None:
             deviations = deviations * free
-        seen = list[Minimum]()
+        visited = list[Minimum]()
         for _ in range(self.chains):
-            seen += self._chain(energy, start, deviations, rng)
-        return self._distinct(seen)
+            visited += self._chain(energy, start, deviations, rng)
+        return self._distinct(visited)
 
     def _chain(
         self,
@@ -121,32 +124,30 @@ class Annealing:
     ) -> list[Minimum]:
         """Return the poses that a chain accepted."""
         here = Minimum(start, energy(start))
-        looks = [energy(start.retract(rng.normal(0.0, deviations))) for _ in range(_FIRST_LOOKS)]
-        hottest, share = _HEAT * float(np.std(looks)), 1.0
+        samples = [
+            energy(start.retract(rng.normal(0.0, deviations))) for _ in range(_INITIAL_SAMPLES)
+        ]
+        first_temperature, share = _HEAT * float(np.std(samples)), 1.0
         accepted = [here]
         for step in range(self.steps):
-            size = share * _SMALLEST ** rng.random()
+            size = share * _MIN_SIZE ** rng.random()
             pose = here.pose.retract(
                 size * _BLOCKS[step % len(_BLOCKS)] * rng.normal(0.0, deviations)
             )
             tried = Minimum(pose, energy(pose))
-            rise, heat = tried.energy - here.energy, share * hottest
-            if rise <= 0.0 or (heat > 0.0 and rng.random() < math.exp(-rise / heat)):
+            rise, temperature = tried.energy - here.energy, share * first_temperature
+            if rise <= 0.0 or (temperature > 0.0 and rng.random() < math.exp(-rise / temperature)):
                 here = tried
                 accepted.append(here)
             share *= self.cooling
         return accepted
 
-    def _distinct(self, seen: list[Minimum]) -> tuple[Minimum, ...]:
-        kept = list[Minimum]()
-        for one in sorted(seen, key=lambda minimum: minimum.energy):
-            if len(kept) == self.minima:
+    def _distinct(self, visited: list[Minimum]) -> tuple[Minimum, ...]:
+        found = list[Minimum]()
+        for one in sorted(visited, key=lambda minimum: minimum.energy):
+            if len(found) == self.minima:
                 break
-            if all(_gap(one.pose, other.pose) >= self.min_separation for other in kept):
-                kept.append(one)
-        return tuple(kept)
-
-
-def _gap(one: Pose, other: Pose) -> float:
-    metres, radians = one.distance(other)
-    return math.hypot(metres, 20.0 * radians)
+            distances = (one.pose.scaled_distance(other.pose, _ROTATION_SCALE) for other in found)
+            if all(distance >= self.min_separation for distance in distances):
+                found.append(one)
+        return tuple(found)

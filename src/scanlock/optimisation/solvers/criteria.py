@@ -1,4 +1,4 @@
-"""When a solver stops, and the words it says then."""
+"""Convergence criteria of the solvers, and their reasons to stop."""
 
 import enum
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from scanlock.errors import require_at_least, require_positive
 
 
 class StopReason(enum.Enum):
-    """Why a solver stopped; the value is the sentence for people."""
+    """Reason of a solver to stop; the value is a sentence for the user."""
 
     GRADIENT_SMALL = "gradient norm fell below the tolerance"
     STEP_SMALL = "step norm fell below the tolerance"
-    GIVEN = "the pose was given"
+    GIVEN = "the pose was given and not optimised"
     ITERATION_LIMIT = "iteration limit reached; the pose may still be improving"
-    EMPTY_OBJECTIVE = "nothing meets at this pose; try a better initial pose or wider Gaussians"
+    EMPTY_OBJECTIVE = "the objective has no terms at this pose"
 
     @property
     def is_converged(self) -> bool:
@@ -23,16 +23,17 @@ class StopReason(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ConvergenceCriteria:
-    """Tolerances of the iteration; the defaults are those of Das et al. 2013, section VIII."""
+    """Tolerances of a solver; the defaults are those of Das et al. 2013, section VIII."""
 
     gradient_tolerance: float = 1e-6
-    """Norm of the gradient of the normalised score, in the solver's scaled units."""
+    """Tolerance of the gradient norm, in units of the objective per metre; rotations count at the
+    solver's rotation scale."""
 
     step_tolerance: float = 1e-6
-    """Norm of the step; metres, with rotations counted at the solver's lever arm."""
+    """Tolerance of the step norm [m]; rotations count at the solver's rotation scale."""
 
     max_iterations: int = 100
-    """Evaluations of the objective allowed at one scale."""
+    """Maximum number of evaluations of the objective."""
 
     def __post_init__(self) -> None:
         require_positive("gradient_tolerance", self.gradient_tolerance)

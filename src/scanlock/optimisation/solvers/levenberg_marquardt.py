@@ -1,7 +1,7 @@
-"""Gauss and Newton's method, damped by Levenberg and Marquardt, on poses.
+"""Levenberg-Marquardt: the damped Gauss-Newton method on poses.
 
-It wants the convex part of the Hessian, which is never indefinite, so no eigenvalue needs repair:
-the damping alone keeps a step short where the quadratic does not predict well.
+The convex part of the Hessian is never indefinite, so its eigenvalues are used as they are. The
+damping shortens steps where the quadratic predicts badly.
 """
 
 from dataclasses import dataclass, field
@@ -12,11 +12,12 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.errors import require_at_least, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
-from scanlock.optimisation.solvers.problem import Curvature, Objective, Quadratic
-from scanlock.optimisation.solvers.solution import Iteration, Solution
+from scanlock.optimisation.solvers.iterate import Path, iterate, norm
+from scanlock.optimisation.solvers.problem import Curvature, Objective
+from scanlock.optimisation.solvers.solution import Solution
 
-_LEAST_DAMPING = 1e-4
-"""Where damping begins once a step was refused; less would hardly change the step."""
+_MIN_DAMPING = 1e-4
+"""Minimum damping after a rejected step; less would hardly change the step."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,80 +25,69 @@ class LevenbergMarquardt:
     """Settings of the damped Gauss-Newton solver."""
 
     criteria: ConvergenceCriteria = field(default_factory=ConvergenceCriteria)
-    """Tolerances and the limit of evaluations."""
+    """Convergence criteria."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     first_damping: float = 1e-3
-    """Damping of the first step as a share of the mean curvature; 0 is plain Gauss-Newton until
-    a step is refused."""
+    """Damping of the first step over the mean curvature; 0 is plain Gauss-Newton until a step is
+    rejected."""
 
     growth: float = 10.0
-    """Factor of the damping after a step that was refused."""
+    """Factor of the damping after a rejected step."""
 
     decay: float = 10.0
-    """Divisor of the damping after a step that was not."""
+    """Divisor of the damping after an accepted step."""
 
     max_step: float = 10.0
-    """Longest step along any one axis of the quadratic [m, rotations at the lever arm]."""
+    """Maximum step along any one axis of the quadratic [m]; rotations count at the rotation
+    scale."""
 
     def __post_init__(self) -> None:
-        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
         require_at_least("first_damping", self.first_damping, 0.0)
         require_at_least("growth", self.growth, 1.5)
         require_at_least("decay", self.decay, 1.0)
-        require_positive("longest_step", self.max_step, unit="m")
+        require_positive("max_step", self.max_step, unit="m")
 
     @property
     def curvature(self) -> Curvature:
-        """The Hessian that the solver wants of an objective."""
+        """Hessian that the solver needs of an objective."""
         return "convex"
 
     def minimise(self, objective: Objective, start: Pose) -> Solution:
-        """Return the best pose found from `start`, with every evaluation on the way."""
-        scale = np.array(
-            [1.0, 1.0, 1.0, self.rotation_scale, self.rotation_scale, self.rotation_scale]
-        )
-        pose, damping = start, self.first_damping
-        quadratic = objective.linearise(pose)
-        history = [Iteration(quadratic.value, _norm(quadratic, scale), 0.0, True, pose)]
-        if quadratic.value == 0.0 and not quadratic.gradient.any() and not quadratic.hessian.any():
-            return Solution(pose, quadratic, StopReason.EMPTY_OBJECTIVE, tuple(history))
-
-        while len(history) < self.criteria.max_iterations:
-            gradient = quadratic.gradient / scale
-            if np.linalg.norm(gradient) < self.criteria.gradient_tolerance:
-                return Solution(pose, quadratic, StopReason.GRADIENT_SMALL, tuple(history))
-            hessian = quadratic.hessian / np.outer(scale, scale)
-            step = _damped_step(gradient, hessian, damping, self.max_step)
-            step_norm = float(np.linalg.norm(step))
-            if step_norm < self.criteria.step_tolerance:
-                return Solution(pose, quadratic, StopReason.STEP_SMALL, tuple(history))
-
-            tried_pose = pose.retract(step / scale)
-            tried = objective.linearise(tried_pose)
-            accepted = tried.value < quadratic.value
-            history.append(
-                Iteration(tried.value, _norm(tried, scale), step_norm, accepted, tried_pose)
-            )
-            if accepted:
-                pose, quadratic, damping = tried_pose, tried, damping / self.decay
-            else:
-                damping = max(damping, _LEAST_DAMPING) * self.growth
-        return Solution(pose, quadratic, StopReason.ITERATION_LIMIT, tuple(history))
+        """Return the best pose found from `start`, with the history of all evaluations."""
+        return iterate(objective, start, self.criteria, self.rotation_scale, Damping(self))
 
 
-def _norm(quadratic: Quadratic, scale: Vector) -> float:
-    return float(np.linalg.norm(quadratic.gradient / scale))
+class Damping:
+    """Globalisation of Gauss-Newton steps by damping."""
 
+    def __init__(self, settings: LevenbergMarquardt) -> None:
+        self._settings = settings
+        self._damping = settings.first_damping
 
-def _damped_step(gradient: Vector, hessian: Matrix, damping: float, longest: float) -> Vector:
-    """Return the step to the minimum of a convex quadratic plus damping."""
-    curvatures, axes = np.linalg.eigh(hessian)
-    curvatures = np.maximum(curvatures, 0.0)
-    # A floor that vanishes with the slope bounds the step where nothing else does, and hardly
-    # moves along an axis whose slope is all rounding.
-    floor = float(np.linalg.norm(gradient)) / longest
-    damped = np.maximum(curvatures + damping * float(curvatures.mean()), floor)
-    return axes @ (-(axes.T @ gradient) / damped)
+    def propose(self, gradient: Vector, hessian: Matrix) -> Vector:
+        """Return the step to the minimum of a convex quadratic plus damping."""
+        curvatures, axes = np.linalg.eigh(hessian)
+        curvatures = np.maximum(curvatures, 0.0)
+        # A minimum proportional to the gradient bounds the step along axes without curvature.
+        # Along those whose gradient is rounding the step stays small.
+        minimum = norm(gradient) / self._settings.max_step
+        damped = np.maximum(curvatures + self._damping * float(curvatures.mean()), minimum)
+        return axes @ (-(axes.T @ gradient) / damped)
+
+    def advance(self, path: Path, step: Vector, step_norm: float) -> bool:
+        """Move by a step that lowers the value, and adapt the damping."""
+        before = path.current.quadratic.value
+        tried = path.evaluate(step, step_norm)
+        if tried.quadratic.value < before:
+            path.move_to(tried)
+            self._damping /= self._settings.decay
+        else:
+            self._damping = max(self._damping, _MIN_DAMPING) * self._settings.growth
+        return True
+
+    def finish(self, path: Path, reason: StopReason) -> None:
+        """Keep the current pose, which is the best one."""

@@ -1,8 +1,8 @@
-"""How far to go along a direction of descent: three rules that stand in for each other.
+"""Line searches: interchangeable rules for the length of a step along a descent direction.
 
-A search sees a function of the step length ``a`` that returns the value and the slope there. It
-ends at a length where value and slope keep its rule or, failing that, at the best length it has
-tried. A value that is no number is one that is too high.
+A search gets a function of the step length ``a`` that returns value and slope there. It ends at a
+length that satisfies its conditions or, failing that, at the best length tried. A value of NaN
+counts as too high.
 """
 
 import math
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 from scanlock.errors import InvalidInput, require_count, require_fraction
 
-Along = Callable[[float], tuple[float, float]]
-"""Value and slope at a step length."""
+LineFunction = Callable[[float], tuple[float, float]]
+"""Value and slope as a function of the step length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class LinePoint:
     Attributes
     ----------
     length, value, slope : float
-        The slope is that of the value over the length.
+        Step length, value there, and derivative of the value by the length.
     """
 
     length: float
@@ -30,86 +30,86 @@ class LinePoint:
     slope: float
 
     @classmethod
-    def at(cls, along: Along, length: float) -> "LinePoint":
-        """Return what a function is at a length."""
+    def at(cls, along: LineFunction, length: float) -> "LinePoint":
+        """Return the point of a function at a length."""
         return cls(length, *along(length))
 
 
 @dataclass(frozen=True, slots=True)
 class LineStep:
-    """Where a line search ended.
+    """Result of a line search.
 
     Attributes
     ----------
     point : LinePoint
-        At length 0 where nothing tried lowers the value.
-    is_kept : bool
-        Whether value and slope keep the rule of the search; else the point is the best tried.
+        Point of length 0 where no length tried lowers the value.
+    is_satisfied : bool
+        Whether the point satisfies the conditions of the search; else it is the best one tried.
     """
 
     point: LinePoint
-    is_kept: bool
+    is_satisfied: bool
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Armijo:
-    """Shorten the step until the value falls by a share of what the slope promises."""
+    """Backtracking until the decrease is sufficient: Nocedal & Wright 2006, algorithm 3.1."""
 
     decrease: float = 1e-4
-    """Share of the promised decrease."""
+    """Sufficient decrease, as a share of the decrease by the first slope."""
 
-    trials: int = 30
-    """Most lengths to try."""
+    max_trials: int = 30
+    """Maximum number of lengths to try."""
 
     def __post_init__(self) -> None:
         require_fraction("decrease", self.decrease)
-        require_count("trials", self.trials)
+        require_count("max_trials", self.max_trials)
 
-    def search(self, along: Along, first: float, longest: float = math.inf) -> LineStep:
-        """Return the first length that keeps the rule, from `first` downwards."""
+    def search(self, along: LineFunction, first: float, longest: float = math.inf) -> LineStep:
+        """Return the first length with a sufficient decrease, from `first` downwards."""
         start = best = LinePoint.at(along, 0.0)
         length = min(first, longest)
-        for _ in range(self.trials):
+        for _ in range(self.max_trials):
             here = LinePoint.at(along, length)
-            if here.value <= promised(start, length, self.decrease):
+            if here.value <= sufficient_value(start, length, self.decrease):
                 return LineStep(here, True)
             if here.value < best.value:
                 best = here
-            # The bottom of the parabola, kept within a decade.
-            bottom = _parabola_bottom(start, here)
+            # The minimum of the parabola, within a decade.
+            bottom = _parabola_minimum(start, here)
             length *= min(max(bottom / length, 0.1), 0.5) if math.isfinite(bottom) else 0.1
         return LineStep(best, False)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StrongWolfe:
-    """Bracket and zoom until value and slope have both fallen: Nocedal & Wright 2006, 3.5, 3.6."""
+    """Bracket and zoom to the strong Wolfe conditions: Nocedal & Wright 2006, 3.5 and 3.6."""
 
     decrease: float = 1e-4
-    """Share of the promised decrease."""
+    """Sufficient decrease, as a share of the decrease by the first slope; c1 in the book."""
 
     flatness: float = 0.9
-    """Largest magnitude of the slope, as a share of the first one."""
+    """Maximum absolute slope, as a share of the first one; c2 in the book."""
 
-    trials: int = 30
-    """Most lengths to try."""
+    max_trials: int = 30
+    """Maximum number of lengths to try."""
 
     def __post_init__(self) -> None:
         require_fraction("decrease", self.decrease)
         require_fraction("flatness", self.flatness)
-        require_count("trials", self.trials)
+        require_count("max_trials", self.max_trials)
         if not self.decrease < self.flatness:
             raise InvalidInput(
-                f"flatness must be above decrease, {self.decrease}, got {self.flatness}"
+                f"flatness must be above decrease = {self.decrease}, got {self.flatness}"
             )
 
-    def search(self, along: Along, first: float, longest: float = math.inf) -> LineStep:
-        """Return a length that keeps both rules: `first` if it does, never above `longest`."""
+    def search(self, along: LineFunction, first: float, longest: float = math.inf) -> LineStep:
+        """Return a length that satisfies both conditions: `first` if it does; at most `longest`."""
         start = before = LinePoint.at(along, 0.0)
         length = min(first, longest)
-        for trial in range(self.trials):
-            here, left = LinePoint.at(along, length), self.trials - trial - 1
-            is_low = here.value <= promised(start, length, self.decrease)
+        for trial in range(self.max_trials):
+            here, left = LinePoint.at(along, length), self.max_trials - trial - 1
+            is_low = here.value <= sufficient_value(start, length, self.decrease)
             if not is_low or (trial > 0 and here.value >= before.value):
                 return self._zoom(along, start, before, here, left)
             if is_flat(start, here, self.flatness):
@@ -123,12 +123,12 @@ class StrongWolfe:
         return LineStep(before, False)
 
     def _zoom(
-        self, along: Along, start: LinePoint, low: LinePoint, high: LinePoint, trials: int
+        self, along: LineFunction, start: LinePoint, low: LinePoint, high: LinePoint, trials: int
     ) -> LineStep:
-        """Return a length between `low`, the best that is low enough so far, and `high`."""
+        """Return a length between `low`, the best sufficient one so far, and `high`."""
         for _ in range(trials):
-            here = LinePoint.at(along, _between(low, high))
-            is_low = here.value <= promised(start, here.length, self.decrease)
+            here = LinePoint.at(along, _interpolated(low, high))
+            is_low = here.value <= sufficient_value(start, here.length, self.decrease)
             if not is_low or here.value >= low.value:
                 high = here
                 continue
@@ -140,20 +140,20 @@ class StrongWolfe:
         return LineStep(low, False)
 
 
-def promised(start: LinePoint, length: float, decrease: float) -> float:
-    """Return the highest value that falls by a share of what the slope at the start promises."""
+def sufficient_value(start: LinePoint, length: float, decrease: float) -> float:
+    """Return the maximum value of a sufficient decrease (Armijo) at a length."""
     return start.value + decrease * length * start.slope
 
 
 def is_flat(start: LinePoint, here: LinePoint, flatness: float) -> bool:
-    """Tell whether the slope has fallen to a share of the one at the start."""
+    """Return whether the slope has fallen to a share of the one at the start."""
     return abs(here.slope) <= flatness * abs(start.slope)
 
 
-def cubic_bottom(one: LinePoint, other: LinePoint) -> float:
-    """Return the length of the minimum of the cubic through two points and their slopes.
+def cubic_minimum(one: LinePoint, other: LinePoint) -> float:
+    """Return the length of the minimum of the cubic through two points with their slopes.
 
-    Not a number where the cubic has no minimum.
+    Nocedal & Wright 2006, equation 3.59; NaN where the cubic has no minimum.
     """
     width = other.length - one.length
     if width == 0.0:
@@ -167,10 +167,10 @@ def cubic_bottom(one: LinePoint, other: LinePoint) -> float:
     return other.length - width * (other.slope + root - bend) / below if below else math.nan
 
 
-def _parabola_bottom(one: LinePoint, other: LinePoint) -> float:
-    """Return the length of the minimum of the parabola through two points and the first's slope.
+def _parabola_minimum(one: LinePoint, other: LinePoint) -> float:
+    """Return the length of the minimum of the parabola through two points and the first slope.
 
-    Not a number where the parabola has no minimum.
+    NaN where the parabola has no minimum.
     """
     width = other.length - one.length
     rise = other.value - one.value - one.slope * width
@@ -179,10 +179,10 @@ def _parabola_bottom(one: LinePoint, other: LinePoint) -> float:
     return one.length - 0.5 * one.slope * width * (width / rise)
 
 
-def _between(low: LinePoint, high: LinePoint) -> float:
-    """Return a length within an interval, off its ends by a tenth of its width at least."""
+def _interpolated(low: LinePoint, high: LinePoint) -> float:
+    """Return a length within an interval, at least a tenth of its width from either end."""
     width = high.length - low.length
-    bottom = cubic_bottom(low, high)
+    bottom = cubic_minimum(low, high)
     if not math.isfinite(bottom):
         return low.length + 0.5 * width
     return low.length + min(max((bottom - low.length) / width, 0.1), 0.9) * width

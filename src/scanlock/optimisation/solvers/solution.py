@@ -1,4 +1,4 @@
-"""Where a solver ended and how it came there; every solver leaves the same records."""
+"""Result of a solver: final pose, reason to stop and history; the same for every solver."""
 
 import math
 from dataclasses import dataclass
@@ -11,22 +11,22 @@ from scanlock.optimisation.solvers.problem import Objective, Quadratic
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Iteration:
-    """One evaluation of the objective on the way.
+    """One evaluation of the objective.
 
     Attributes
     ----------
     value : float
-        Objective at the pose tried.
+        Value of the objective at the pose tried.
     gradient_norm, step_norm : float
-        In scaled units (metres at the lever arm).
+        Norms in scaled units; rotations count at the solver's rotation scale.
     accepted : bool
-        Whether the solver moved there.
+        Whether the solver moved to the pose.
     pose : Pose
-        The pose tried, target from source.
+        Pose tried, target from source.
     mean_distance : float [m]
-        Mean distance of the closest points, for methods that pair points; NaN for others.
+        Mean distance of the closest points, of methods with correspondences; NaN for others.
     pairs : int or None
-        How many pairs counted, for methods that pair points.
+        Number of correspondences, of methods with correspondences; None for others.
     """
 
     value: float
@@ -40,23 +40,24 @@ class Iteration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Where a solver ended and how it came there.
+    """Result of a solver.
 
     Attributes
     ----------
     pose : Pose
-        The best pose seen, or a step from it that was too small to be worth an evaluation.
+        Best pose evaluated, or the pose after a last step too small to be evaluated.
     quadratic : Quadratic
-        The objective there; after such a step, as foretold before it.
+        Quadratic of the objective at the pose; after such a last step the predicted one.
     reason : StopReason
     history : tuple of Iteration
+        All evaluations, in order.
     notes : tuple of str
-        What was found on the way that a user may want to know.
+        Notes for the user.
     objective : Objective or None
-        What was minimised at the last stage, under its restraint; None where a solver alone ran,
-        whose caller knows it.
+        Objective that was minimised, with its constraints; of several stages that of the last
+        one. None where no objective was built.
     candidates : tuple
-        Finished poses of a method that searches, best first: `verification.candidate.Candidate`.
+        Finished poses of a method that searches, best first.
     runner_up_ratio : float
         Score of the second candidate over that of the first; NaN without a search.
     """

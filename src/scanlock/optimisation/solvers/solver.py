@@ -1,4 +1,4 @@
-"""The solvers that can stand in for each other."""
+"""The union of the interchangeable solvers."""
 
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -6,4 +6,4 @@ from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.newton import Newton
 
 Solver = Newton | LineSearchNewton | LevenbergMarquardt | Bfgs
-"""Settings that minimise any objective from a pose; `curvature` is the Hessian they want."""
+"""Settings of a solver that minimises any objective; `curvature` is the Hessian it needs."""

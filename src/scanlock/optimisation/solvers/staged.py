@@ -1,6 +1,6 @@
-"""One objective after the other, each from the pose where the last one ended."""
+"""Multi-stage minimisation, coarse to fine: each stage starts at the pose of the last one."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from scanlock.geometry.pose import Pose
@@ -10,13 +10,14 @@ from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
 
 Stage = tuple[Solver, Objective]
-"""What is minimised, and by which settings."""
+"""An objective and the solver that minimises it."""
 
 
 def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
-    """Return the solution of the last stage where anything meets, with the history of all.
+    """Return the solution of the last non-empty stage, with the history of all stages.
 
-    Where nothing meets at any stage, the start is returned untouched. There must be a stage.
+    The start is returned unchanged if the objectives of all stages are empty. At least one stage
+    is needed.
     """
     history = list[Iteration]()
     pose, best = start, None
@@ -24,13 +25,28 @@ def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
         solution = solver.minimise(objective, pose)
         history.extend(solution.history)
         if best is None or solution.reason is not StopReason.EMPTY_OBJECTIVE:
-            pose, best = solution.pose, replace(solution, objective=objective)
+            pose, best = solution.pose, solution
     assert best is not None
     return replace(best, history=tuple(history))
 
 
+def staged_solvers(solver: Solver, tolerances: Sequence[float]) -> list[Solver]:
+    """Return the solver of each stage of a coarse-to-fine schedule.
+
+    Stages before the last one have coarse step tolerances, since the next stage continues from
+    their pose. The last stage has the tolerance of the solver.
+
+    Parameters
+    ----------
+    solver : Solver
+    tolerances : sequence of float [m]
+        Step tolerance of each stage, raised to that of the solver; the last one is not used.
+    """
+    return [*(with_tolerance(solver, step) for step in tolerances[:-1]), solver]
+
+
 def with_tolerance(solver: Solver, step: float) -> Solver:
-    """Return the solver with a stopping step of no less than `step` [m]: others go on."""
+    """Return the solver with a step tolerance of at least `step` [m]."""
     criteria = solver.criteria
     return replace(
         solver, criteria=replace(criteria, step_tolerance=max(criteria.step_tolerance, step))

@@ -219,7 +219,7 @@ class Auto(Method[AutoScan]):
         ended, history = self.multi_start.refine(
             target.gaussians,
             source.gaussians,
-            [replace(one, pose=constraints.held(one.pose, start)) for one in hypotheses],
+            [replace(one, pose=constraints.project(one.pose, start)) for one in hypotheses],
             constraints,
             lambda pose: plausibility(free_space_violation(target.features, source.features, pose)),
         )

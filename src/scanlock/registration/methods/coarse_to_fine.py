@@ -101,8 +101,7 @@ class CoarseToFine:
                     solutions.append(solution)
         best = min(solutions, key=lambda one: one.quadratic.value)
         pose = start if best.reason is StopReason.EMPTY_OBJECTIVE else best.pose
-        finest = objective_at(len(self.scales) - 1)
-        return replace(best, pose=pose, history=tuple(history), objective=finest)
+        return replace(best, pose=pose, history=tuple(history))
 
     def _descend(
         self,

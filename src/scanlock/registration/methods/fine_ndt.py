@@ -123,7 +123,7 @@ class FineNdt:
                 curvature=self.solver.curvature,
             )
             solver = self.solver if is_last else with_tolerance(self.solver, self.coarse_tolerance)
-            return solver, constraints.on(objective)
+            return solver, constraints.applied_to(objective)
 
         *first, last = self.shapes
         stages = [*(stage(shape, False) for shape in first), stage(last, True)]

@@ -212,7 +212,7 @@ class Gicp(Method[SurfaceScan]):
                 history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
                 reason = StopReason.EMPTY_OBJECTIVE
                 break
-            objective = constraints.on(pairs)
+            objective = constraints.applied_to(pairs)
             solution = self.solver.minimise(objective, pose)
             first, *others = (replace(one, pairs=pairs.count) for one in solution.history)
             history += [replace(first, mean_distance=distance), *others]

@@ -185,7 +185,7 @@ class Icp(Method[PointScan]):
                 trail.add(_NOTHING, pose, pairs, accepted=False)
                 return trail.solution(start, _NOTHING, StopReason.EMPTY_OBJECTIVE)
             objective = self.estimation.objective(target, source, pairs, pose)
-            restrained = constraints.on(objective)
+            restrained = constraints.applied_to(objective)
             quadratic = restrained.linearise(pose)
             trail.add(quadratic, pose, pairs)
             reason, note = self.criteria.reason(trail.history)

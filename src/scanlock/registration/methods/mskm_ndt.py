@@ -165,7 +165,7 @@ class MskmNdt(Method[KMeansScan]):
             deviation = float(np.sqrt(np.median(stays.widths)))
             loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * deviation
             objective = self._objective(stays, moves, source.points)
-            yield with_tolerance(self.solver, loose), constraints.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.applied_to(objective)
 
     def _objective(self, target: Gaussians, source: Gaussians, points: Points) -> Objective:
         if self.score == "p2d":

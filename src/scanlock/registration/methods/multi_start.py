@@ -1,7 +1,7 @@
 """Descents from many hypotheses, of which few are followed to the end."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
@@ -98,7 +98,7 @@ class MultiStart:
         running = [(one.proposed_by, one.pose) for one in hypotheses]
         ended: list[RefinedHypothesis] = []
         for index, scale in enumerate(self.scales):
-            objective = constraints.on(
+            objective = constraints.applied_to(
                 GaussiansToGaussians(
                     target=target[index].inflated(scale.smoothing),
                     source=source[index].inflated(scale.smoothing),
@@ -108,9 +108,7 @@ class MultiStart:
             )
             solver = with_tolerance(self.solver, self.coarse_tolerance * scale.smoothing)
             ended = [
-                RefinedHypothesis(
-                    proposed_by, replace(solver.minimise(objective, pose), objective=objective)
-                )
+                RefinedHypothesis(proposed_by, solver.minimise(objective, pose))
                 for proposed_by, pose in running
             ]
             history += [step for one in ended for step in one.solution.history]

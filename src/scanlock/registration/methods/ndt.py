@@ -96,7 +96,7 @@ class Ndt(Method[VoxelScan]):
             voxels = target.voxels[scale]
             loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * voxels.width
             objective = self._objective(voxels, source.points)
-            yield with_tolerance(self.solver, loose), constraints.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.applied_to(objective)
 
     def _objective(self, voxels: VoxelGaussians, points: Points) -> Objective:
         shape = ScoreShape.magnusson(voxels.width, self.outlier_ratio)

@@ -9,7 +9,7 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.models.voxel_gaussians import VoxelGaussians, VoxelGrid
-from scanlock.optimisation.objectives.candidates import (
+from scanlock.optimisation.objectives.associations import (
     Association,
     NearestAssociation,
     NeighbourCells,
@@ -126,7 +126,7 @@ class NdtD2d(Method[VoxelScan]):
                 curvature=self.solver.curvature,
                 candidates=self._candidates(stays),
             )
-            yield with_tolerance(self.solver, loose), constraints.on(objective)
+            yield with_tolerance(self.solver, loose), constraints.applied_to(objective)
 
     def _candidates(self, target: VoxelGaussians) -> Association | None:
         if self.association == "nearest":

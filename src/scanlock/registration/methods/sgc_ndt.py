@@ -100,7 +100,7 @@ class SgcNdt(Method[ClusterGaussians]):
             )
 
         return self.schedule.minimise(
-            lambda index: constraints.on(objective_at(index)), start or Pose.identity()
+            lambda index: constraints.applied_to(objective_at(index)), start or Pose.identity()
         )
 
     def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:

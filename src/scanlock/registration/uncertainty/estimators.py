@@ -122,7 +122,7 @@ class CovarianceEstimator:
         if not isinstance(objective, Separable):
             return "the objective is not separable into blocks"
         pose, free = solution.pose, np.flatnonzero(constraints.free_directions)
-        points = objective.places
+        points = objective.positions
         estimated = self._covariance_of_step(objective, points, constraints, pose, factor)
         if isinstance(estimated, str):
             return estimated
@@ -190,7 +190,7 @@ class CovarianceEstimator:
         side = self.block_size
         while side >= self.min_block_size:
             labels, cells = voxel_cells(points, 0.5 * side)
-            terms = objective.shares(pose, labels)
+            terms = objective.contributions(pose, labels)
             filled = np.flatnonzero(terms.hessians.any(axis=(1, 2)))
             if len(filled):
                 corners = cells[filled].astype(np.float64)

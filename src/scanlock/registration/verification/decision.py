@@ -45,7 +45,8 @@ def decide_status(
         Probability that the pose is correct, from the same assessment.
     """
     if solution.reason is StopReason.EMPTY_OBJECTIVE:
-        return Status.NO_CORRESPONDENCES, solution.reason.value
+        remedy = "try a better initial pose or a larger correspondence distance"
+        return Status.NO_CORRESPONDENCES, f"{solution.reason.value}; {remedy}"
     metrics = assessment.metrics
     facts = f"overlap {metrics.overlap:.0%}, score {metrics.score:.2f}"
     # Before convergence: a solver may not converge along an unconstrained direction.

@@ -12,106 +12,108 @@ from scanlock.optimisation.objectives.cell_scores import CELL_ASSOCIATIONS, Poin
 from scanlock.optimisation.objectives.gaussian_scores import PointsToGaussians, ScoreShape
 
 _WIDTH = 1.5
-_PLACE = np.array([4.0, -2.0, 0.0])
+_CENTRE = np.array([4.0, -2.0, 0.0])
 
-_each_meeting = pytest.mark.parametrize("meeting", CELL_ASSOCIATIONS)
+_each_association = pytest.mark.parametrize("association", CELL_ASSOCIATIONS)
 
 
 def _voxels(seed, offset=0.25):
     rng = np.random.default_rng(seed)
-    points = rng.normal(0.0, [3.0, 2.5, 0.7], (900, 3)) + _PLACE
+    points = rng.normal(0.0, [3.0, 2.5, 0.7], (900, 3)) + _CENTRE
     return VoxelGrid(min_deviation=0.1, offset=offset).gaussians(points, _WIDTH)
 
 
 def _points(seed, count=60):
     rng = np.random.default_rng(100 + seed)
-    return read_only(rng.normal(0.0, [3.0, 2.5, 1.2], (count, 3)) + _PLACE)
+    return read_only(rng.normal(0.0, [3.0, 2.5, 1.2], (count, 3)) + _CENTRE)
 
 
 def _away_from_faces(pose, points, voxels, margin):
-    """Points whose cells, and whose surrounding middles, stay the same within a margin [m].
+    """Points whose cells, and surrounding cell centres, are the same within a margin [m].
 
-    They also keep away from where a mean is one width off.
+    Their distances from the means also differ from the cell size by more than the margin.
     """
     moved = pose.apply(points)
     phases = np.mod((moved - voxels.corner) / voxels.width, 0.5) * voxels.width
     inside = ((phases > margin) & (phases < 0.5 * voxels.width - margin)).all(axis=1)
-    gaps = np.linalg.norm(moved[:, None] - voxels.gaussians.means, axis=2)
-    inside &= (np.abs(gaps - voxels.width) > margin).all(axis=1)
+    distances = np.linalg.norm(moved[:, None] - voxels.gaussians.means, axis=2)
+    inside &= (np.abs(distances - voxels.width) > margin).all(axis=1)
     return read_only(points[inside])
 
 
-@_each_meeting
+@_each_association
 @pytest.mark.parametrize("seed", range(3))
-def test_values_match_the_definition(meeting, seed):
+def test_values_match_the_definition(association, seed):
     voxels, points = _voxels(seed), _points(seed)
     pose = Pose.from_step(0.2 * np.random.default_rng(seed).normal(size=6))
     shape = ScoreShape(sharpness=0.3, height=2.5)
-    objective = PointsToCells(target=voxels, points=points, association=meeting, shape=shape)
-    expected = reference.value(pose, voxels, points, meeting, height=2.5, sharpness=0.3)
+    objective = PointsToCells(target=voxels, points=points, association=association, shape=shape)
+    expected = reference.value(pose, voxels, points, association, height=2.5, sharpness=0.3)
     assert expected < -0.05
     np.testing.assert_allclose(objective.linearise(pose).value, expected, rtol=1e-11)
     assert objective.count == len(points)
 
 
-@_each_meeting
+@_each_association
 @pytest.mark.parametrize("seed", range(3))
-def test_derivatives_agree_with_differences_inside_a_cell(meeting, seed):
+def test_derivatives_agree_with_differences_inside_a_cell(association, seed):
     voxels = _voxels(seed)
     pose = Pose.from_step(0.2 * np.random.default_rng(seed).normal(size=6))
     points = _away_from_faces(pose, _points(seed, 400), voxels, 0.05)
     assert len(points) > 20
-    # A window that bends where the score still weighs.
+    # A window that falls where the score is large.
     shape = ScoreShape(sharpness=0.5, height=3.0, window_start=0.5, window_end=8.0)
-    objective = PointsToCells(target=voxels, points=points, association=meeting, shape=shape)
+    objective = PointsToCells(target=voxels, points=points, association=association, shape=shape)
     found = objective.linearise(pose)
     h = 2e-4 * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
     gradient = differences.gradient(lambda p: objective.linearise(p).value, pose, h)
     hessian = differences.hessian(lambda p: objective.linearise(p).gradient, pose, h)
     scale = np.abs(hessian).max()
     assert np.abs(found.gradient).max() > 1e-2
-    # The window's third derivative jumps; a point that passes such a place within the stencil
-    # adds h times the jump to the difference of gradients.
+    # The third derivative of the window jumps. A point that passes a jump within the stencil adds
+    # h times the jump to the difference of gradients.
     np.testing.assert_allclose(found.gradient, gradient, rtol=1e-6, atol=1e-7 * scale)
     np.testing.assert_allclose(found.hessian, hessian, rtol=1e-5, atol=1e-6 * scale)
 
 
-@pytest.mark.parametrize("meeting", ["own-cell", "seven-cells", "trilinear"])
-def test_the_convex_part_is_that_of_gauss_and_newton(meeting):
+@pytest.mark.parametrize("association", ["own-cell", "seven-cells", "trilinear"])
+def test_the_convex_part_is_the_gauss_newton_hessian(association):
     voxels, points = _voxels(7), _points(7)
     pose = Pose.from_step(0.1 * np.random.default_rng(7).normal(size=6))
     exact, convex = (
-        PointsToCells(target=voxels, points=points, association=meeting, curvature=part).linearise(
-            pose
-        )
+        PointsToCells(
+            target=voxels, points=points, association=association, curvature=part
+        ).linearise(pose)
         for part in ("exact", "convex")
     )
     np.testing.assert_array_equal(convex.gradient, exact.gradient)
-    expected = reference.convex_hessian(pose, voxels, points, meeting)
+    expected = reference.convex_hessian(pose, voxels, points, association)
     np.testing.assert_allclose(convex.hessian, expected, rtol=1e-6, atol=1e-7)
     assert np.linalg.eigvalsh(convex.hessian)[0] > -1e-9
     assert np.linalg.eigvalsh(exact.hessian)[0] < -1e-3
 
 
 @pytest.mark.parametrize(
-    ("meeting", "jump"),
+    ("association", "jump"),
     [("own-cell", 0.1), ("seven-cells", 0.01), ("near-cells", 0.01), ("trilinear", 0.0)],
 )
-def test_the_value_jumps_where_a_point_changes_its_cells(meeting, jump):
-    # One point walks along x through three cells, past faces, middles and means.
+def test_the_value_jumps_where_a_point_changes_its_cells(association, jump):
+    # One point moves along x through three cells, past faces, centres and means.
     voxels = _voxels(3, offset=0.0)
-    places = np.arange(2.0, 5.5, 2e-4)
+    positions = np.arange(2.0, 5.5, 2e-4)
     point = read_only(np.array([[0.0, -2.0, 0.3]]))
-    # As smooth as can be, so that slopes stay small beside jumps.
+    # A smooth score, whose slopes are small beside the jumps.
     shape = ScoreShape(sharpness=0.2)
 
-    def walk(objective):
-        poses = (Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in places)
+    def values_along(objective):
+        poses = (Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in positions)
         return np.array([objective.linearise(pose).value for pose in poses])
 
-    own = walk(PointsToCells(target=voxels, points=point, association=meeting, shape=shape))
-    every = walk(PointsToGaussians(target=voxels.gaussians, points=point, shape=shape))
-    # The steepest a sum of these Gaussians and of its weights can be, times the step.
+    own = values_along(
+        PointsToCells(target=voxels, points=point, association=association, shape=shape)
+    )
+    every = values_along(PointsToGaussians(target=voxels.gaussians, points=point, shape=shape))
+    # The maximum slope of a sum of these Gaussians and of its weights, times the step.
     smooth = 27.0 * (np.sqrt(0.2) * np.exp(-0.5) / 0.1 + 3.0 / _WIDTH) * 2e-4
     assert np.abs(np.diff(every)).max() < smooth
     if jump:
@@ -121,10 +123,10 @@ def test_the_value_jumps_where_a_point_changes_its_cells(meeting, jump):
 
 
 def test_trilinear_weights_sum_to_one():
-    # Eight cells with the same Gaussian weigh as much as one.
+    # Eight cells with the same Gaussian score as one.
     rng = np.random.default_rng(4)
     lattice = np.indices((2, 2, 2)).reshape(3, 8).T + 0.5
-    points = np.concatenate([place + 0.01 * rng.normal(size=(40, 3)) for place in lattice])
+    points = np.concatenate([centre + 0.01 * rng.normal(size=(40, 3)) for centre in lattice])
     voxels = VoxelGrid(min_deviation=1e4).gaussians(points, 1.0)
     assert len(voxels) == 8
     inside = read_only(rng.uniform(0.5, 1.5, (50, 3)))
@@ -132,33 +134,33 @@ def test_trilinear_weights_sum_to_one():
     np.testing.assert_allclose(found.linearise(Pose.identity()).value, -1.0, atol=1e-6)
 
 
-def test_with_every_cell_in_reach_near_cells_come_close_to_all():
+def test_scores_over_some_cells_are_weaker_than_over_all():
     voxels, points = _voxels(5), _points(5)
     pose = Pose.identity()
     values = {
-        meeting: PointsToCells(target=voxels, points=points, association=meeting)
+        association: PointsToCells(target=voxels, points=points, association=association)
         .linearise(pose)
         .value
-        for meeting in CELL_ASSOCIATIONS
+        for association in CELL_ASSOCIATIONS
     }
     every = p2d_value(pose, voxels.gaussians, points)
-    # Each looks at some of the Gaussians, and at no other.
+    # Each association scores a subset of the Gaussians.
     assert every < values["near-cells"] < values["own-cell"]
     assert every < values["seven-cells"] < values["own-cell"]
     assert every < values["trilinear"] < 0.0
 
 
-@_each_meeting
-def test_scans_that_do_not_meet_have_no_value(meeting):
-    objective = PointsToCells(target=_voxels(6), points=_points(6), association=meeting)
+@_each_association
+def test_scans_without_overlap_give_a_zero_quadratic(association):
+    objective = PointsToCells(target=_voxels(6), points=_points(6), association=association)
     for x in (1e3, 1e9):
         far = objective.linearise(Pose(np.eye(3), np.array([x, 0.0, -x])))
         assert far.value == 0.0
         np.testing.assert_array_equal(far.hessian, np.zeros((6, 6)))
 
 
-def test_an_unknown_meeting_is_refused_with_the_names():
-    with pytest.raises(InvalidInput, match=r"meeting must be one of own-cell, .*, got 'all'"):
+def test_an_unknown_association_is_rejected_with_the_names():
+    with pytest.raises(InvalidInput, match=r"association must be one of own-cell, .*, got 'all'"):
         PointsToCells(target=_voxels(0), points=_points(0), association="all")
 
 
@@ -177,7 +179,7 @@ def test_magnussons_shape_is_the_log_likelihood_at_three_distances(width, ratio)
     c1, c2 = 10.0 * (1.0 - ratio), ratio / width**3
 
     def cost(s):
-        # Less its limit far away, where the Gaussian is 0.
+        # Minus its limit far away, where the Gaussian is 0.
         return -np.log(c1 * np.exp(-0.5 * s) + c2) + np.log(c2)
 
     for s in (0.0, 1.0, 1e4):
@@ -186,6 +188,6 @@ def test_magnussons_shape_is_the_log_likelihood_at_three_distances(width, ratio)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1.0, -0.5, float("nan")])
-def test_outlier_ratios_out_of_range_are_refused_by_name(ratio):
+def test_outlier_ratios_out_of_range_are_rejected_by_name(ratio):
     with pytest.raises(InvalidInput, match="outlier_ratio must lie above 0 and below 1"):
         ScoreShape.magnusson(1.0, ratio)

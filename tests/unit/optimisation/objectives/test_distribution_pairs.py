@@ -21,26 +21,26 @@ def _surface(some):
 
 
 def _scene(seed, *, exact=True):
-    """Pairs of random Gaussians at one pose, and the same as a list for the definition."""
+    """Correspondences of random Gaussians at one pose, and the same as a list for the reference."""
     rng = np.random.default_rng(seed)
     target, source = gaussians(rng, 40), gaussians(rng, 30)
-    partners = rng.integers(0, 40, 30)
-    partners[::7] = -1
+    correspondences = rng.integers(0, 40, 30)
+    correspondences[::7] = -1
     fixed_at = Pose.from_step(rng.normal(0.0, [2.0, 2.0, 1.0, 0.5, 0.5, 1.5]))
     pairs = DistributionPairs.at(
-        fixed_at, _surface(target), _surface(source), read_only(partners),
+        fixed_at, _surface(target), _surface(source), read_only(correspondences),
         "exact" if exact else "convex",
     )  # fmt: skip
     listed = [
         (target.means[j], target.covariances[j], source.means[i], source.covariances[i])
-        for i, j in enumerate(partners)
+        for i, j in enumerate(correspondences)
         if j >= 0
     ]
     return pairs, listed, fixed_at, fixed_at.retract(rng.normal(0.0, [1.0] * 3 + [0.3] * 3))
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_value_is_that_of_the_definition(seed):
+def test_values_match_the_definition(seed):
     pairs, listed, fixed_at, pose = _scene(seed)
     assert pairs.count == len(listed) < 30
     for at in (fixed_at, pose):
@@ -57,7 +57,7 @@ def test_the_value_is_half_the_mean_of_the_squared_distances():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_gradient_and_hessian_are_those_of_differences(seed):
+def test_gradient_and_hessian_match_differences(seed):
     pairs, listed, fixed_at, pose = _scene(seed)
     found = pairs.linearise(pose)
     gradient = differences.gradient(lambda at: reference.value(at, fixed_at, listed), pose, _STEPS)
@@ -68,7 +68,7 @@ def test_gradient_and_hessian_are_those_of_differences(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_convex_hessian_is_that_of_gauss_and_newton(seed):
+def test_the_convex_hessian_is_the_gauss_newton_hessian(seed):
     pairs, listed, fixed_at, pose = _scene(seed, exact=False)
     found, exact = pairs.linearise(pose), _scene(seed)[0].linearise(pose)
     np.testing.assert_allclose(
@@ -80,15 +80,15 @@ def test_the_convex_hessian_is_that_of_gauss_and_newton(seed):
     assert np.abs(found.hessian - exact.hessian).max() > 1e-3
 
 
-def test_a_point_without_a_partner_counts_nothing():
+def test_a_point_without_a_correspondence_is_left_out():
     rng = np.random.default_rng(5)
     target, source = _surface(gaussians(rng, 20)), _surface(gaussians(rng, 20))
-    partners = np.arange(20)
-    partners[7:] = -1
+    correspondences = np.arange(20)
+    correspondences[7:] = -1
     seven = SurfacePoints(read_only(source.points[:7]), read_only(source.covariances[:7]))
     found, expected = (
         DistributionPairs.at(Pose.identity(), target, one, read_only(rows))
-        for one, rows in ((source, partners), (seven, partners[:7]))
+        for one, rows in ((source, correspondences), (seven, correspondences[:7]))
     )
     assert found.count == expected.count == 7
     quadratics = [one.linearise(Pose.identity()) for one in (found, expected)]
@@ -96,8 +96,8 @@ def test_a_point_without_a_partner_counts_nothing():
     np.testing.assert_array_equal(quadratics[0].hessian, quadratics[1].hessian)
 
 
-def test_covariances_do_not_turn_while_pairs_are_held():
-    # Two thin planes: turned against each other their covariances would add up to a rounder one.
+def test_covariances_do_not_rotate_with_the_pose():
+    # Two thin planes: rotated covariances would sum to a thicker one.
     plane = read_only(np.array([[1.0, 0.0, 0.0, 1.0, 0.0, 1e-3]]))
     one = SurfacePoints(read_only(np.array([[5.0, 0.0, 0.0]])), plane)
     other = SurfacePoints(read_only(np.array([[5.0, 0.0, 0.1]])), plane)

@@ -66,10 +66,10 @@ def test_values_match_the_definition(seed, shape):
     ],
     ids=["one", "one wide", "far apart", "stacked", "off the origin", "many sizes"],
 )
-def test_tiles_leave_out_no_point(target):
+def test_no_point_is_left_out(target):
     rng = np.random.default_rng(2)
     corner = (target.means[:, :2] - 5.0 * np.sqrt(target.widths)[:, None]).min(axis=0)
-    # Points near each Gaussian, on the edges and corners of the tiles, and outside all of them.
+    # Points near each Gaussian, on a regular grid and far outside.
     near = target.means[rng.integers(len(target), size=300)]
     near = near + rng.normal(size=near.shape) * 2.0 * np.sqrt(target.widths.max())
     columns, rows = np.meshgrid(np.arange(-2.0, 12.0), np.arange(-2.0, 12.0))
@@ -84,12 +84,12 @@ def test_tiles_leave_out_no_point(target):
 
 
 def test_p2d_is_continuous_where_the_score_of_the_own_cell_jumps():
-    # Two Gaussians in neighbouring cells of 2 m; a point walks from one cell into the other.
+    # Two Gaussians in neighbouring cells of 2 m; a point moves from one cell into the other.
     target = _round([[1.5, 1.0, 1.0], [3.5, 1.0, 1.0]], deviation=0.5)
     point = np.array([[0.0, 1.0, 1.0]])
     steps = 1e-4
-    places = np.arange(1.9, 2.1, steps)
-    poses = [Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in places]
+    positions = np.arange(1.9, 2.1, steps)
+    poses = [Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in positions]
     own = np.array([reference.own_cell_value(pose, target, point, 2.0) for pose in poses])
     every = np.array([_p2d(target, point).linearise(pose).value for pose in poses])
     assert np.abs(np.diff(own)).max() > 0.5
@@ -98,8 +98,8 @@ def test_p2d_is_continuous_where_the_score_of_the_own_cell_jumps():
 
 
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_derivatives_hold_inside_the_window_where_it_bends(share):
-    # The usual window begins where a score is e^-8; this one bends it where it weighs.
+def test_derivatives_match_differences_where_the_window_falls(share):
+    # The default window starts where a score is e^-8; this one falls where the score is large.
     rng = np.random.default_rng(5)
     shape = ScoreShape(sharpness=0.5, window_start=1.0, window_end=9.0)
     target, source = gaussians(rng, 1, least=0.5), gaussians(rng, 1, least=0.5)
@@ -114,12 +114,14 @@ def test_derivatives_hold_inside_the_window_where_it_bends(share):
             target.covariances[0],
         ),
     ):
-        # Put the source where the squared distance lies that far into the window.
+        # A source at this squared distance, inside the window.
         s = 1.0 + share * 8.0
-        place = target.means[0] + np.linalg.cholesky(both) @ np.array([0.6, 0.0, 0.8]) * np.sqrt(s)
-        at = Pose(pose.rotation, place - pose.rotation @ source.means[0])
+        position = target.means[0] + np.linalg.cholesky(both) @ np.array([0.6, 0.0, 0.8]) * np.sqrt(
+            s
+        )
+        at = Pose(pose.rotation, position - pose.rotation @ source.means[0])
         found = objective.linearise(at)
-        # Far from both ends everything is smooth: the stencil errs by h^4 and rounding over h.
+        # Far from both ends the function is smooth: the stencil errs by h^4 and rounding over h.
         h = 1e-3 * np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
         gradient = differences.gradient(lambda p, o=objective: o.linearise(p).value, at, h)
         hessian = differences.hessian(lambda p, o=objective: o.linearise(p).gradient, at, h)
@@ -128,7 +130,7 @@ def test_derivatives_hold_inside_the_window_where_it_bends(share):
         np.testing.assert_allclose(found.hessian, hessian, rtol=1e-6, atol=1e-7)
 
 
-def test_a_point_counts_once_and_values_are_means():
+def test_values_are_means_over_the_points():
     target = _round([[0.0, 0.0, 0.0]])
     once = _p2d(target, [[0.0, 0.0, 0.0]]).linearise(Pose.identity())
     assert once.value == -1.0
@@ -143,7 +145,7 @@ def test_identical_scans_are_stationary_for_d2d():
     np.testing.assert_allclose(at.gradient, 0.0, atol=1e-14)
 
 
-def test_scans_that_do_not_meet_have_no_value():
+def test_scans_without_overlap_give_a_zero_quadratic():
     target, source = _round([[0.0, 0.0, 0.0]]), _round([[0.0, 0.0, 100.0]])
     for objective in (
         GaussiansToGaussians(target=target, source=source),
@@ -164,6 +166,6 @@ def test_scans_that_do_not_meet_have_no_value():
         ({"window_end": float("nan")}, "window_end must be"),
     ],
 )
-def test_shapes_out_of_range_are_refused_by_name(settings, message):
+def test_shapes_out_of_range_are_rejected_by_name(settings, message):
     with pytest.raises(InvalidInput, match=message):
         ScoreShape(**settings)

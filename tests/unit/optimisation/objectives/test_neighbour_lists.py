@@ -12,18 +12,18 @@ from scanlock.kernels.gaussians.neighbour_lists import (
 )
 from scanlock.optimisation.objectives import neighbour_lists as module
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
-from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, Reach
+from scanlock.optimisation.objectives.neighbour_lists import NeighbourLists, NeighbourSearch
 from scanlock.threads import using_threads
 
 
-class _Everyone:
-    """All targets for each source, whatever the distance."""
+class _AllPairs:
+    """An association of each source with all targets, at any distance."""
 
     def __init__(self, targets):
         self._list = np.array([0, targets]), np.arange(targets)
 
-    def at(self, places):
-        return tuple(read_only(part) for part in (np.zeros(len(places), np.int64), *self._list))
+    def at(self, positions):
+        return tuple(read_only(part) for part in (np.zeros(len(positions), np.int64), *self._list))
 
 
 def _step(rng, scale=1.0):
@@ -31,7 +31,7 @@ def _step(rng, scale=1.0):
 
 
 def _pairs(lists):
-    """The set of all (source, target) of lists, each of which must come once."""
+    """The set of all (source, target) of lists, without repetition."""
     rows, starts, members = lists
     found = [
         (source, int(target))
@@ -44,17 +44,17 @@ def _pairs(lists):
 
 
 def _all(near):
-    """The set of all (source, target) in all parts."""
+    """The set of all (source, target) in all chunks."""
     return {
-        (near.rows(part).start + source, target)
-        for part in near.parts
-        for source, target in _pairs(near.lists(part))
+        (near.rows(chunk).start + source, target)
+        for chunk in near.chunks
+        for source, target in _pairs(near.lists(chunk))
     }
 
 
 @pytest.mark.parametrize("spread", [0.0, 5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_targets_in_reach_are_those_of_the_definition(seed, spread):
+def test_targets_in_range_match_the_definition(seed, spread):
     rng = np.random.default_rng(seed)
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
     pose = _step(rng, 0.1)
@@ -64,8 +64,8 @@ def test_targets_in_reach_are_those_of_the_definition(seed, spread):
         *(read_only(array) for array in order), side, columns, rows, target.widths.max(),
         source.means, source.widths, read_only(margins), pose.rotation, pose.translation, 9.0,
     )  # fmt: skip
-    places = pose.apply(source.means)
-    squares = ((places[:, None] - target.means) ** 2).sum(axis=2)
+    positions = pose.apply(source.means)
+    squares = ((positions[:, None] - target.means) ** 2).sum(axis=2)
     expected = squares < 9.0 * (source.widths[:, None] + target.widths) + margins[:, None]
     found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
@@ -73,7 +73,7 @@ def test_targets_in_reach_are_those_of_the_definition(seed, spread):
 
 
 @pytest.mark.parametrize("side", [0.01, 1.0, 50.0])
-def test_sorted_targets_stand_in_their_cells_and_cells_are_not_too_many(side):
+def test_sorted_targets_lie_in_their_cells_and_cells_are_limited(side):
     rng = np.random.default_rng(11)
     means = rng.normal(0.0, [30.0, 10.0, 2.0], (500, 3))
     widths = rng.uniform(0.1, 1.0, 500)
@@ -85,13 +85,13 @@ def test_sorted_targets_stand_in_their_cells_and_cells_are_not_too_many(side):
     assert sorted(order.tolist()) == list(range(500))
     np.testing.assert_array_equal(inside, np.column_stack([means, widths])[order].T)
     cells = np.repeat(np.arange(columns * rows), np.diff(starts))
-    places = (inside[:2] - corner[:, None]) / used
-    for axis, cell in zip(places, (cells % columns, cells // columns), strict=True):
+    positions = (inside[:2] - corner[:, None]) / used
+    for axis, cell in zip(positions, (cells % columns, cells // columns), strict=True):
         assert ((axis > cell - 1e-9) & (axis < cell + 1 + 1e-9)).all()
 
 
 @pytest.mark.parametrize("count", [0, 1, 77])
-def test_centre_and_arms_are_those_of_the_definition(count):
+def test_centre_and_arms_match_the_definition(count):
     means = np.random.default_rng(12).normal(40.0, 20.0, (count, 3))
     centre, arms = centre_and_arms(read_only(means))
     expected = means.mean(axis=0) if count else np.zeros(3)
@@ -100,7 +100,7 @@ def test_centre_and_arms_are_those_of_the_definition(count):
 
 
 def test_the_order_of_sources_changes_no_list():
-    # Neighbours in the order share a look at the grid; scattered ones do not.
+    # Sources that are close in the order share a query of the grid; scattered ones do not.
     rng = np.random.default_rng(13)
     target, source = (gaussians(rng, 300, spread=15.0, most=0.8) for _ in range(2))
     in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
@@ -108,7 +108,9 @@ def test_the_order_of_sources_changes_no_list():
     first, second = (
         {
             (rows[i], j)
-            for i, j in _all(NeighbourLists(Reach(target, source.taken(rows), 25.0), pose))
+            for i, j in _all(
+                NeighbourLists(NeighbourSearch(target, source.taken(rows), 25.0), pose)
+            )
         }
         for rows in (in_order, scattered)
     )
@@ -116,14 +118,14 @@ def test_the_order_of_sources_changes_no_list():
     assert len(first) > 500
 
 
-def test_far_places_and_empty_sets_have_nothing_in_reach():
+def test_far_poses_and_empty_sets_have_empty_lists():
     rng = np.random.default_rng(5)
     some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
     for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
-        near = NeighbourLists(Reach(some, some, 25.0), Pose(np.eye(3), np.array(far)))
+        near = NeighbourLists(NeighbourSearch(some, some, 25.0), Pose(np.eye(3), np.array(far)))
         assert _all(near) == set()
     for pair in ((some, none), (none, some)):
-        assert list(NeighbourLists(Reach(*pair, 25.0), Pose.identity()).parts) == []
+        assert list(NeighbourLists(NeighbourSearch(*pair, 25.0), Pose.identity()).chunks) == []
         both = GaussiansToGaussians(target=pair[0], source=pair[1])
         for _ in range(2):
             assert both.linearise(_step(rng)).value == 0
@@ -131,12 +133,12 @@ def test_far_places_and_empty_sets_have_nothing_in_reach():
 
 @pytest.mark.parametrize("spread", [5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_pairs_in_reach_score_as_all_of_them_do(seed, spread):
+def test_pairs_in_range_score_as_all_pairs(seed, spread):
     rng = np.random.default_rng(seed)
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
     pose = _step(rng)
     both = {"target": target, "source": source, "shape": ScoreShape(sharpness=0.5)}
-    every = GaussiansToGaussians(**both, candidates=_Everyone(90)).linearise(pose)
+    every = GaussiansToGaussians(**both, candidates=_AllPairs(90)).linearise(pose)
     found = GaussiansToGaussians(**both).linearise(pose)
     expected = reference.d2d_value(pose, target, source, sharpness=0.5)
     for one in (every, found):
@@ -145,8 +147,8 @@ def test_pairs_in_reach_score_as_all_of_them_do(seed, spread):
     np.testing.assert_allclose(found.hessian, every.hessian, rtol=0.0, atol=1e-12 * scale)
 
 
-def test_round_pairs_up_to_the_end_of_the_window_are_in_reach():
-    # Where all Gaussians are round the bound is the distance itself: any tighter one shows.
+def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
+    # For round Gaussians the bound is the distance itself: any tighter one fails.
     rng = np.random.default_rng(4)
     target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
     pose = _step(rng, 0.2)
@@ -155,33 +157,33 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_reach():
     )
     assert ((s > 20.0) & (s < 25.0)).sum() > 50
     within = set(zip(*(rows.tolist() for rows in np.nonzero(s < 25.0)), strict=True))
-    assert within <= _all(NeighbourLists(Reach(target, source, 25.0), pose))
+    assert within <= _all(NeighbourLists(NeighbourSearch(target, source, 25.0), pose))
 
 
-def test_lists_hold_until_something_may_have_moved_too_far():
+def test_lists_are_valid_until_a_source_may_have_moved_too_far():
     rng = np.random.default_rng(6)
     target, source = (gaussians(rng, 300, spread=20.0, most=0.8) for _ in range(2))
     start = _step(rng, 0.1)
-    # Off its origin, so that a turn about that moves the sources as a whole as well.
+    # Away from the origin, so that a rotation about it also moves the centre.
     source = source.transformed(Pose(np.eye(3), np.array([30.0, 0.0, 0.0])))
-    near = NeighbourLists(Reach(target, source, 25.0), start)
-    assert near.hold_at(start)
-    held = 0
+    near = NeighbourLists(NeighbourSearch(target, source, 25.0), start)
+    assert near.are_valid_at(start)
+    valid = 0
     for size in np.geomspace(1e-4, 0.5, 40):
         pose = start.retract(size * rng.normal(size=6) * [1, 1, 1, 0.05, 0.05, 0.05])
         moved = np.linalg.norm(pose.apply(source.means) - start.apply(source.means), axis=1).max()
-        if near.hold_at(pose):
-            held += 1
-            assert moved <= np.sqrt(near.reach.margins.max())
+        if near.are_valid_at(pose):
+            valid += 1
+            assert moved <= np.sqrt(near.search.margins.max())
             s = reference.d2d_squared(
                 pose, target.means, target.covariances, source.means, source.covariances
             )
             scored = {(i, j) for i, j in zip(*np.nonzero(s < 25.0), strict=True)}
             assert scored <= _all(near)
-    assert 5 < held < 40
+    assert 5 < valid < 40
 
 
-def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
+def test_cached_lists_do_not_change_values(monkeypatch):
     rng = np.random.default_rng(7)
     target, source = (gaussians(rng, 200, spread=15.0, most=0.8) for _ in range(2))
     made = []
@@ -190,7 +192,7 @@ def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
         made.append(arguments[1])
         return NeighbourLists(*arguments)
 
-    monkeypatch.setattr("scanlock.optimisation.objectives.gaussian_scores.NearPairs", counted)
+    monkeypatch.setattr("scanlock.optimisation.objectives.gaussian_scores.NeighbourLists", counted)
     both = GaussiansToGaussians(target=target, source=source)
     poses = [_step(rng, 0.05) for _ in range(4)]
     close = [pose.retract(1e-6 * np.ones(6)) for pose in poses]
@@ -204,24 +206,24 @@ def test_an_objective_keeps_its_lists_and_its_values(monkeypatch):
     np.testing.assert_allclose(values, fresh, rtol=1e-12)
 
 
-def test_more_pairs_than_are_kept_are_listed_anew(monkeypatch):
+def test_lists_beyond_the_cache_limit_are_computed_again(monkeypatch):
     rng = np.random.default_rng(8)
     target, source = (gaussians(rng, 2500, spread=20.0) for _ in range(2))
     pose = _step(rng, 0.1)
     whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
-    monkeypatch.setattr(module, "_MOST_KEPT", 500)
-    near = NeighbourLists(Reach(target, source, 25.0), pose)
-    assert len(near.parts) == 3
-    for part in near.parts:
-        again, before = near.lists(part), near.lists(part)
-        assert (again is before) == (part == 0)
-    assert len(near._kept) == 1
-    parts = GaussiansToGaussians(target=target, source=source).linearise(pose)
-    assert parts.value == whole.value
-    np.testing.assert_array_equal(parts.hessian, whole.hessian)
+    monkeypatch.setattr(module, "_MAX_CACHED", 500)
+    near = NeighbourLists(NeighbourSearch(target, source, 25.0), pose)
+    assert len(near.chunks) == 3
+    for chunk in near.chunks:
+        again, before = near.lists(chunk), near.lists(chunk)
+        assert (again is before) == (chunk == 0)
+    assert len(near._cached) == 1
+    again = GaussiansToGaussians(target=target, source=source).linearise(pose)
+    assert again.value == whole.value
+    np.testing.assert_array_equal(again.hessian, whole.hessian)
 
 
-def test_the_same_bits_whatever_the_number_of_threads():
+def test_results_are_bitwise_equal_for_any_number_of_threads():
     rng = np.random.default_rng(10)
     target, source = (gaussians(rng, 3000, spread=25.0) for _ in range(2))
     found = []

@@ -31,7 +31,7 @@ def _normals(rng, count):
 
 
 def _scene(kind, count=40):
-    """Points, rows of the pairs, and the packed precisions of a kind."""
+    """Points, rows of the correspondences, and packed precisions of a kind."""
     rng = np.random.default_rng(7)
     source = rng.normal(0.0, 10.0, (count + 5, 3))
     target = rng.permutation(POSE.apply(source) + rng.normal(0.0, 1.0, source.shape))
@@ -63,15 +63,15 @@ _kinds = pytest.mark.parametrize("kind", ["point", "plane", "noise"])
 
 
 @_kinds
-def test_the_value_is_that_of_its_definition(kind):
+def test_values_match_the_definition(kind):
     target, source, target_rows, source_rows, precisions = _scene(kind)
-    gaps = POSE.apply(source)[source_rows] - target[target_rows]
-    expected = 0.5 * np.einsum("mi,mij,mj->m", gaps, unpacked(precisions), gaps).mean()
+    residuals = POSE.apply(source)[source_rows] - target[target_rows]
+    expected = 0.5 * np.einsum("mi,mij,mj->m", residuals, unpacked(precisions), residuals).mean()
     np.testing.assert_allclose(_pairs(kind).linearise(POSE).value, expected, rtol=1e-12)
 
 
 @_kinds
-def test_gradient_and_hessian_are_those_of_finite_differences(kind):
+def test_gradient_and_hessian_match_differences(kind):
     pairs = _pairs(kind)
     quadratic = pairs.linearise(POSE)
     gradient = differences.gradient(lambda pose: pairs.linearise(pose).value, POSE, STEPS)
@@ -82,7 +82,7 @@ def test_gradient_and_hessian_are_those_of_finite_differences(kind):
 
 
 @_kinds
-def test_the_convex_hessian_is_that_of_the_residuals_first_derivatives(kind):
+def test_the_convex_hessian_is_the_gauss_newton_hessian(kind):
     _, source, _, source_rows, precisions = _scene(kind)
     moved = POSE.apply(source)[source_rows]
     zero = np.zeros(len(moved))
@@ -95,16 +95,20 @@ def test_the_convex_hessian_is_that_of_the_residuals_first_derivatives(kind):
     np.testing.assert_array_equal(convex.gradient, _pairs(kind).linearise(POSE).gradient)
 
 
-def test_the_residual_to_a_plane_is_along_its_normal_of_either_sign():
+def test_point_to_plane_residuals_do_not_depend_on_the_sign_of_the_normal():
     rng = np.random.default_rng(1)
-    normals, gaps, weights = _normals(rng, 20), rng.normal(size=(20, 3)), rng.uniform(0.1, 1, 20)
+    normals, residuals, weights = (
+        _normals(rng, 20),
+        rng.normal(size=(20, 3)),
+        rng.uniform(0.1, 1, 20),
+    )
     for signed in (normals, -normals):
         full = unpacked(plane_precisions(signed, weights))
-        found = np.einsum("mi,mij,mj->m", gaps, full, gaps)
-        np.testing.assert_allclose(found, weights * (normals * gaps).sum(axis=1) ** 2)
+        found = np.einsum("mi,mij,mj->m", residuals, full, residuals)
+        np.testing.assert_allclose(found, weights * (normals * residuals).sum(axis=1) ** 2)
 
 
-def test_precisions_under_noise_are_inverses_of_the_sums():
+def test_noise_precisions_are_inverses_of_summed_covariances():
     rng = np.random.default_rng(2)
     first, second = (turned_covariances(rng, rng.uniform(0.1, 1, (9, 3))) for _ in range(2))
     found = unpacked(noise_precisions(_packed(first), _packed(second), POSE))
@@ -115,7 +119,7 @@ def test_precisions_under_noise_are_inverses_of_the_sums():
     np.testing.assert_allclose(variances_along(normals, _packed(first)), along, rtol=1e-12)
 
 
-def test_the_minimum_of_points_is_the_closed_form():
+def test_the_point_to_point_minimum_is_the_closed_form():
     pairs = _pairs("point")
     rows = pairs.target_rows, pairs.source_rows
     weights = pairs.precisions[:, 0]

@@ -36,18 +36,18 @@ def test_the_tuning_keeps_95_percent_of_the_efficiency(loss):
 
 
 @_losses
-def test_the_scale_comes_from_the_median_which_outliers_do_not_move(loss):
+def test_the_estimated_scale_resists_outliers(loss):
     residuals = np.random.default_rng(0).normal(0.0, 0.2, 4001)
     settings = RobustWeights(loss=loss)
     clean = settings.scale_for(residuals)
     np.testing.assert_allclose(clean, 0.2 * TUNING[loss], rtol=0.05)
-    spoilt = np.append(residuals, np.full(400, 50.0))
-    np.testing.assert_allclose(settings.scale_for(spoilt), clean, rtol=0.2)
-    assert settings.weights(spoilt)[-1] < 0.02
+    with_outliers = np.append(residuals, np.full(400, 50.0))
+    np.testing.assert_allclose(settings.scale_for(with_outliers), clean, rtol=0.2)
+    assert settings.weights(with_outliers)[-1] < 0.02
 
 
 @_losses
-def test_residuals_of_zero_all_weigh_one(loss):
+def test_residuals_of_zero_have_weight_one(loss):
     np.testing.assert_array_equal(RobustWeights(loss=loss).weights(np.zeros(5)), np.ones(5))
 
 
@@ -56,9 +56,9 @@ def test_residuals_of_zero_all_weigh_one(loss):
     [
         ({"loss": "l1"}, "loss must be one of none, huber"),
         ({"scale": 0.0}, "scale must be positive, got 0.0 m"),
-        ({"least_scale": 0.0}, "least_scale must be positive"),
+        ({"min_scale": 0.0}, "min_scale must be positive"),
     ],
 )
-def test_settings_out_of_range_are_refused(settings, message):
+def test_settings_out_of_range_are_rejected(settings, message):
     with pytest.raises(InvalidInput, match=message):
         RobustWeights(**settings)

@@ -15,8 +15,10 @@ _HIGH = yaw_pose(-0.2, (-3.0, 2.0, 0.0))
 def _two_wells(pose):
     """A shallow well near the identity, and a deep one behind a ridge."""
     depths = ((_LOW, 2.0), (_HIGH, 1.0))
-    gaps = [math.hypot(pose.distance(well)[0], 10.0 * pose.distance(well)[1]) for well, _ in depths]
-    return -max(d * math.exp(-0.5 * (g / 3.0) ** 2) for g, (_, d) in zip(gaps, depths, strict=True))
+    return -max(
+        depth * math.exp(-0.5 * (pose.scaled_distance(well, 10.0) / 3.0) ** 2)
+        for well, depth in depths
+    )
 
 
 def test_the_deepest_of_two_wells_comes_first():
@@ -29,17 +31,16 @@ def test_the_deepest_of_two_wells_comes_first():
         assert one.energy == _two_wells(one.pose)
 
 
-def test_minima_are_apart():
+def test_minima_keep_the_minimum_separation():
     settings = Annealing(minima=4, min_separation=2.0)
     poses = [one.pose for one in settings.search(_two_wells, Pose.identity())]
     assert 1 < len(poses) <= 4
     for index, pose in enumerate(poses):
         for other in poses[:index]:
-            metres, radians = pose.distance(other)
-            assert math.hypot(metres, 20.0 * radians) >= 2.0
+            assert pose.scaled_distance(other, 20.0) >= 2.0
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_one_does_not():
+def test_the_same_seed_gives_bitwise_equal_minima_and_another_seed_does_not():
     once, again = (Annealing(seed=4).search(_two_wells, Pose.identity()) for _ in range(2))
     assert [(one.pose, one.energy) for one in once] == [(one.pose, one.energy) for one in again]
     other = Annealing(seed=5).search(_two_wells, Pose.identity())
@@ -53,7 +54,7 @@ def test_locked_directions_are_never_proposed():
         np.testing.assert_allclose(one.pose.rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
 
 
-def test_a_flat_energy_returns_poses_all_the_same():
+def test_a_flat_energy_still_returns_poses():
     found = Annealing(steps=20).search(lambda pose: 1.0, Pose.identity())
     assert found[0].energy == 1.0
 
@@ -67,6 +68,6 @@ def test_a_flat_energy_returns_poses_all_the_same():
         ({"steps": 0}, "steps"),
     ],
 )
-def test_settings_out_of_range_are_refused(settings, message):
+def test_settings_out_of_range_are_rejected(settings, message):
     with pytest.raises(InvalidInput, match=message):
         Annealing(**settings)

@@ -1,4 +1,4 @@
-"""The rules of three line searches, on the functions of More and Thuente 1994, section 5."""
+"""The conditions of three line searches, on the functions of More and Thuente 1994, section 5."""
 
 import math
 
@@ -73,7 +73,7 @@ _TABLES = {
 
 
 class _Counted:
-    """A function along a line, and the lengths it was asked for, zero aside."""
+    """A function along a line, and the lengths evaluated, except 0."""
 
     def __init__(self, function):
         self._function = function
@@ -92,7 +92,7 @@ def test_more_and_thuente_take_the_steps_of_their_tables(name):
     for first, (evaluations, length) in zip(_FIRSTS, rows, strict=True):
         along = _Counted(_FUNCTIONS[name])
         found = search.search(along, first)
-        assert found.is_kept
+        assert found.is_satisfied
         assert len(along.lengths) == evaluations
         # The tables have two digits, and not always the nearest.
         assert abs(found.point.length / length - 1.0) < 0.07
@@ -101,11 +101,11 @@ def test_more_and_thuente_take_the_steps_of_their_tables(name):
 def _assert_wolfe(search, along, found):
     value, slope = along(0.0)
     point = found.point
-    # Values of about 1 tell lengths apart down to slopes of 1e-6 only.
+    # Values of about 1 differ by more than rounding down to slopes of 1e-6 only.
     rounding = 1e-6 if isinstance(search, StrongWolfe) else 0.0
-    assert found.is_kept or abs(point.slope) <= rounding
+    assert found.is_satisfied or abs(point.slope) <= rounding
     assert point.length > 0.0
-    # To rounding: an objective may sum in another order where it has been elsewhere meanwhile.
+    # To rounding: an objective may sum in another order after an evaluation elsewhere.
     assert along(point.length) == pytest.approx((point.value, point.slope), rel=1e-12, abs=1e-14)
     assert point.value <= value + search.decrease * point.length * slope
     assert abs(point.slope) <= search.flatness * abs(slope) + rounding
@@ -114,17 +114,17 @@ def _assert_wolfe(search, along, found):
 @pytest.mark.parametrize("first", _FIRSTS)
 @pytest.mark.parametrize("name", _FUNCTIONS)
 @pytest.mark.parametrize("search", _WOLFE)
-def test_wolfe_searches_keep_both_conditions(search, name, first):
+def test_wolfe_searches_satisfy_both_conditions(search, name, first):
     _assert_wolfe(search, _FUNCTIONS[name], search.search(_FUNCTIONS[name], first))
 
 
 @pytest.mark.parametrize("first", _FIRSTS)
 @pytest.mark.parametrize("name", _FUNCTIONS)
-def test_armijo_lowers_the_value_enough(name, first):
+def test_armijo_decreases_the_value_sufficiently(name, first):
     along = _FUNCTIONS[name]
     found = Armijo().search(along, first)
     value, slope = along(0.0)
-    assert found.is_kept
+    assert found.is_satisfied
     assert 0.0 < found.point.length <= first
     assert found.point.value <= value + 1e-4 * found.point.length * slope
 
@@ -133,7 +133,9 @@ def test_armijo_lowers_the_value_enough(name, first):
     st.floats(-2.0, 2.0), st.floats(0.05, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0),
     st.sampled_from([1e-2, 1.0, 30.0]), st.sampled_from(_WOLFE),
 )  # fmt: skip
-def test_wolfe_searches_keep_both_conditions_on_wavy_bowls(one, bend, wave, phase, first, search):
+def test_wolfe_searches_satisfy_both_conditions_on_wavy_bowls(
+    one, bend, wave, phase, first, search
+):
     def along(a):
         value = bend * a**2 + one * a + wave * math.sin(a + phase)
         return value, 2.0 * bend * a + one + wave * math.cos(a + phase)
@@ -145,10 +147,10 @@ def test_wolfe_searches_keep_both_conditions_on_wavy_bowls(one, bend, wave, phas
 
 @pytest.mark.parametrize("search", [*_SEARCHES, *_WOLFE])
 @pytest.mark.parametrize("seed", range(3))
-def test_searches_keep_their_rules_on_scores(search, seed):
+def test_searches_satisfy_their_conditions_on_scores(search, seed):
     rng = np.random.default_rng(seed)
-    scene = gaussians(rng, 40)
-    objective = GaussiansToGaussians(target=scene, source=scene)
+    some = gaussians(rng, 40)
+    objective = GaussiansToGaussians(target=some, source=some)
     pose = yaw_pose(0.05, rng.uniform(-0.5, 0.5, 3))
     at = objective.linearise(pose)
     direction = -at.gradient[:3] / np.linalg.norm(at.gradient[:3])
@@ -159,7 +161,7 @@ def test_searches_keep_their_rules_on_scores(search, seed):
 
     for first in (0.05, 1.0, 20.0):
         found = search.search(along, first)
-        assert found.is_kept
+        assert found.is_satisfied
         if isinstance(search, Armijo):
             assert found.point.value < at.value
         else:
@@ -167,52 +169,52 @@ def test_searches_keep_their_rules_on_scores(search, seed):
 
 
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_a_parabola_is_searched_to_its_rule_at_once(search):
+def test_a_parabola_takes_one_trial(search):
     along = _Counted(lambda a: ((a - 1.0) ** 2, 2.0 * (a - 1.0)))
     assert search.search(along, 1.0).point.length == 1.0
     assert along.lengths == [1.0]
 
 
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_what_only_rises_is_not_moved_along(search):
-    # The slope lies: nothing lowers the value.
+def test_a_rising_function_gives_length_zero(search):
+    # The slope is wrong: no length lowers the value.
     found = search.search(lambda a: (abs(a), -1.0), 1.0)
-    assert not found.is_kept
+    assert not found.is_satisfied
     assert found.point.length == 0.0
 
 
 @pytest.mark.parametrize("search", [StrongWolfe(), MoreThuente()])
-def test_what_only_falls_ends_at_the_longest(search):
+def test_a_falling_function_ends_at_the_maximum_length(search):
     found = search.search(lambda a: (-a, -1.0), 1.0, longest=7.0)
-    assert not found.is_kept
+    assert not found.is_satisfied
     assert found.point.length == 7.0
     assert search.search(lambda a: (-a, -1.0), 9.0, longest=7.0).point.length == 7.0
 
 
 @pytest.mark.parametrize("search", [StrongWolfe(), MoreThuente()])
-def test_what_only_falls_ends_without_a_longest_too(search):
+def test_a_falling_function_without_a_maximum_length_ends(search):
     point = search.search(lambda a: (-a, -1.0), 1.0).point
     assert 1.0 < point.length < math.inf
 
 
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_what_is_flat_is_left_at_once(search):
+def test_a_flat_function_takes_one_trial(search):
     along = _Counted(lambda a: (3.0, 0.0))
     search.search(along, 1.0)
     assert along.lengths == [1.0]
 
 
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_a_concave_start_is_left(search):
+def test_a_concave_start_is_searched(search):
     # Up to 1 the slope steepens, from 3 on it rises.
     found = search.search(lambda a: (math.cos(a + 0.1), -math.sin(a + 0.1)), 0.5)
     assert found.point.value < math.cos(0.1)
-    assert found.is_kept
+    assert found.is_satisfied
 
 
 @pytest.mark.parametrize("hole", [math.nan, math.inf])
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_a_hole_of_no_number_is_stepped_back_from(search, hole):
+def test_lengths_without_a_finite_value_are_avoided(search, hole):
     def along(a):
         return ((a - 0.3) ** 2, 2 * (a - 0.3)) if a < 0.9 else (hole, hole)
 
@@ -223,26 +225,26 @@ def test_a_hole_of_no_number_is_stepped_back_from(search, hole):
 
 
 @pytest.mark.parametrize("search", _SEARCHES)
-def test_no_number_anywhere_leaves_the_start(search):
+def test_nan_at_all_lengths_gives_length_zero(search):
     found = search.search(lambda a: (math.nan, math.nan) if a else (1.0, -1.0), 1.0)
-    assert (found.point.length, found.is_kept) == (0.0, False)
+    assert (found.point.length, found.is_satisfied) == (0.0, False)
 
 
-@pytest.mark.parametrize("trials", [1, 2, 5])
+@pytest.mark.parametrize("max_trials", [1, 2, 5])
 @pytest.mark.parametrize("rule", [Armijo, StrongWolfe, MoreThuente])
-def test_no_more_lengths_are_tried_than_allowed(rule, trials):
+def test_trials_do_not_exceed_the_maximum(rule, max_trials):
     along = _Counted(_FUNCTIONS["2"])
     strict = {} if rule is Armijo else {"flatness": 1e-3}
-    found = rule(trials=trials, **strict).search(along, 1e3)
-    assert len(along.lengths) <= trials
+    found = rule(max_trials=max_trials, **strict).search(along, 1e3)
+    assert len(along.lengths) <= max_trials
     tried = [along(length)[0] for length in (0.0, *along.lengths)]
-    assert found.is_kept or found.point.value == min(tried)
+    assert found.is_satisfied or found.point.value == min(tried)
 
 
-def test_settings_out_of_range_are_refused():
-    with pytest.raises(InvalidInput, match="flatness must be above decrease"):
+def test_settings_out_of_range_are_rejected():
+    with pytest.raises(InvalidInput, match=r"flatness must be above decrease = 0\.5, got 0\.4"):
         StrongWolfe(decrease=0.5, flatness=0.4)
-    with pytest.raises(InvalidInput, match="trials"):
-        Armijo(trials=0)
+    with pytest.raises(InvalidInput, match="max_trials"):
+        Armijo(max_trials=0)
     with pytest.raises(InvalidInput, match="flatness must lie between 0 and 1"):
         MoreThuente(flatness=2.0)

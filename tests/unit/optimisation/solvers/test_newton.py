@@ -8,8 +8,8 @@ from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReas
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
 
-_FLOOR = -1.0
-"""Added to every value below: a value of exactly zero means to the solver that nothing meets."""
+_OFFSET = -1.0
+"""Added to all values below: a solver takes a zero quadratic for an empty objective."""
 
 
 class _Function:
@@ -24,25 +24,25 @@ class _Function:
         value, gradient, hessian = (part(pose.translation) for part in self._parts)
         full = np.zeros((6, 6))
         full[:3, :3] = hessian
-        return Quadratic(_FLOOR + value, np.append(np.asarray(gradient, float), np.zeros(3)), full)
+        return Quadratic(_OFFSET + value, np.append(np.asarray(gradient, float), np.zeros(3)), full)
 
 
 class _PointPairs:
-    """Half the sum of squared distances of paired points, with exact derivatives."""
+    """Half the sum of squared distances of correspondences, with exact derivatives."""
 
     def __init__(self, target, source):
         self.target, self.source = target, source
 
     def linearise(self, pose):
         moved = pose.apply(self.source)
-        gaps = moved - self.target
+        residuals = moved - self.target
         gradient, hessian, convex = np.zeros(6), np.zeros((6, 6)), np.zeros((6, 6))
-        for y, r in zip(moved, gaps, strict=True):
+        for y, r in zip(moved, residuals, strict=True):
             jacobian = np.hstack([np.eye(3), -hat(y)])
             gradient += jacobian.T @ r
             convex += jacobian.T @ jacobian
             hessian[3:, 3:] += 0.5 * (np.outer(r, y) + np.outer(y, r)) - (r @ y) * np.eye(3)
-        return Quadratic(_FLOOR + 0.5 * (gaps**2).sum(), gradient, convex + hessian)
+        return Quadratic(_OFFSET + 0.5 * (residuals**2).sum(), gradient, convex + hessian)
 
 
 def _bowl(minimum, curvatures=(1.0, 1.0, 1.0)):
@@ -95,7 +95,7 @@ def _at(*translation):
 
 
 def _assert_consistent(solution, solver):
-    """The history tells one story: accepted values fall, and the last accepted is the pose."""
+    """Accepted values fall, and the last accepted pose is the result."""
     history = solution.history
     accepted = [entry for entry in history if entry.accepted]
     values = [entry.value for entry in accepted]
@@ -111,7 +111,7 @@ def _assert_consistent(solution, solver):
         assert last_step == 0.0
         assert solution.quadratic.value == values[-1]
     assert len(history) <= solver.criteria.max_iterations
-    # One step may exceed the radius by the hundredth that the search for the damping allows.
+    # A step may exceed the radius by 1 %, the tolerance of the search for the damping.
     steps = [entry.step_norm for entry in history]
     assert max(steps) <= 1.01 * max(solver.first_radius, solver.max_radius)
     if len(steps) > 1:
@@ -128,7 +128,7 @@ def test_a_quadratic_within_the_radius_takes_one_step(curvatures):
     _assert_consistent(solution, solver)
 
 
-def test_a_last_step_too_small_to_evaluate_is_taken_as_foretold():
+def test_a_last_step_below_the_tolerance_is_taken_as_predicted():
     minimum = np.array([1.0, -2.0, 3.0])
     bowl, start = _bowl(minimum), _at(1.004, -2.0, 3.003)
     solution = Newton(criteria=ConvergenceCriteria(step_tolerance=0.01)).minimise(bowl, start)
@@ -141,42 +141,42 @@ def test_a_last_step_too_small_to_evaluate_is_taken_as_foretold():
     np.testing.assert_array_equal(solution.quadratic.hessian, there.hessian)
 
 
-def test_a_small_step_that_was_cut_short_is_not_taken():
+def test_a_small_step_limited_by_the_radius_is_not_taken():
     # Every value is worse than the first, so the radius shrinks until steps are small.
-    class _Liar:
+    class _Worse:
         def __init__(self):
             self.calls = 0
 
         def linearise(self, pose):
             self.calls += 1
             gradient = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-            return Quadratic(_FLOOR + (self.calls > 1), gradient, np.eye(6))
+            return Quadratic(_OFFSET + (self.calls > 1), gradient, np.eye(6))
 
     solution = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3)).minimise(
-        _Liar(), Pose.identity()
+        _Worse(), Pose.identity()
     )
     assert solution.reason is StopReason.STEP_SMALL
     assert solution.pose == Pose.identity()
 
 
-def test_steps_are_no_longer_than_the_trust_radius():
+def test_steps_do_not_exceed_the_trust_radius():
     solver = Newton(first_radius=0.5, max_radius=3.0)
     solution = solver.minimise(_bowl(np.array([20.0, 0.0, 0.0])), Pose.identity())
     steps = np.array([entry.step_norm for entry in solution.history])
-    # The quadratic is always right, so the radius doubles up to its largest.
+    # The quadratic is exact, so the radius doubles up to its maximum.
     np.testing.assert_allclose(steps[1:5], [0.5, 1.0, 2.0, 3.0], rtol=0.02)
     np.testing.assert_allclose(solution.pose.translation, [20.0, 0.0, 0.0], atol=1e-6)
     _assert_consistent(solution, solver)
 
 
-def test_the_first_step_is_no_longer_than_the_largest():
-    with pytest.raises(InvalidInput, match=r"largest_radius must be at least 20\.0 m, got 10\.0 m"):
+def test_a_first_radius_above_the_maximum_is_rejected():
+    with pytest.raises(InvalidInput, match=r"max_radius must be at least 20\.0 m, got 10\.0 m"):
         Newton(first_radius=20.0, max_radius=10.0)
 
 
-def test_rosenbrocks_valley_is_followed_to_its_end():
-    # At its end the valley is 2500 times as steep as long, more than the solver lets curvatures
-    # differ: the last steps are too short by a factor, and a step of 1e-9 leaves some of it.
+def test_rosenbrocks_valley_is_followed_to_its_minimum():
+    # At the minimum the curvatures differ by a factor of 2500, more than the solver allows. The
+    # last steps are too short by a factor, and a step of 1e-9 leaves an error of that size.
     solver = Newton(criteria=ConvergenceCriteria(gradient_tolerance=1e-9, step_tolerance=1e-9))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 1.0))
     np.testing.assert_allclose(solution.pose.translation, [1.0, 1.0, 0.0], atol=1e-8)
@@ -185,14 +185,14 @@ def test_rosenbrocks_valley_is_followed_to_its_end():
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_start_beside_a_saddle_slides_down_the_side_it_is_on(side):
+def test_a_start_beside_a_saddle_ends_on_its_own_side(side):
     solver = Newton()
     solution = solver.minimise(_double_well(), _at(0.5, 1e-3 * side, -0.5))
     np.testing.assert_allclose(solution.pose.translation, [0.0, side, 0.0], atol=1e-6)
     _assert_consistent(solution, solver)
 
 
-def test_a_start_where_the_hessian_is_indefinite_still_descends():
+def test_an_indefinite_hessian_at_the_start_still_gives_a_descent():
     solver = Newton()
     solution = solver.minimise(_gaussian_well(), _at(2.0, -1.5, 1.0))
     np.testing.assert_allclose(solution.pose.translation, np.zeros(3), atol=1e-6)
@@ -205,12 +205,12 @@ def test_the_top_of_a_hill_is_left_downhill():
     solver = Newton(criteria=ConvergenceCriteria(max_iterations=6))
     solution = solver.minimise(hill, _at(1e-3, 0.0, 0.0))
     assert solution.reason is StopReason.ITERATION_LIMIT
-    # Each step is as long as the curvature says: the distance from the top doubles.
+    # Each step is as long as the distance from the top, which doubles.
     np.testing.assert_allclose(solution.pose.translation, [1e-3 * 2**5, 0.0, 0.0])
     _assert_consistent(solution, solver)
 
 
-def test_a_flat_function_stops_where_it_starts():
+def test_a_flat_function_stops_at_the_start():
     flat = _Function(lambda t: 0.0, lambda t: np.zeros(3), lambda t: np.zeros((3, 3)))
     start = _at(1.0, 2.0, 3.0)
     solution = Newton().minimise(flat, start)
@@ -227,7 +227,7 @@ def test_a_slope_without_curvature_is_followed_at_the_trust_radius():
     np.testing.assert_allclose(solution.pose.translation, [-25.0, 0.0, 0.0], rtol=0.03)
 
 
-def test_nothing_in_reach_is_no_support():
+def test_a_zero_quadratic_is_an_empty_objective():
     class Nothing:
         def linearise(self, pose):
             return Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
@@ -240,7 +240,7 @@ def test_nothing_in_reach_is_no_support():
 
 
 @pytest.mark.parametrize("limit", [1, 2, 5, 11])
-def test_no_more_evaluations_than_allowed(limit):
+def test_evaluations_do_not_exceed_the_maximum(limit):
     function = _rosenbrock()
     solver = Newton(criteria=ConvergenceCriteria(max_iterations=limit))
     solution = solver.minimise(function, _at(-1.2, 1.0, 0.0))
@@ -249,14 +249,14 @@ def test_no_more_evaluations_than_allowed(limit):
     _assert_consistent(solution, solver)
 
 
-def test_the_best_pose_seen_is_returned_at_the_limit():
+def test_the_best_pose_is_returned_at_the_iteration_limit():
     solver = Newton(criteria=ConvergenceCriteria(max_iterations=8))
     solution = solver.minimise(_rosenbrock(), _at(-1.2, 1.0, 0.0))
     assert any(not entry.accepted for entry in solution.history)
     assert solution.quadratic.value == min(entry.value for entry in solution.history)
 
 
-def test_tolerances_end_the_search_when_they_say():
+def test_both_tolerances_stop_the_solver():
     loose, tight = (
         Newton(
             criteria=ConvergenceCriteria(gradient_tolerance=gradient, step_tolerance=1e-12)
@@ -275,7 +275,7 @@ def test_tolerances_end_the_search_when_they_say():
     assert len(stepped.history) == 1
 
 
-def test_rotations_count_at_the_lever():
+def test_rotations_count_at_the_rotation_scale():
     rng = np.random.default_rng(0)
     source = rng.normal(size=(30, 3))
     turn = Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
@@ -290,8 +290,8 @@ def test_rotations_count_at_the_lever():
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 2.8])
 @pytest.mark.parametrize("offset", [0.0, 20.0])
-def test_paired_points_are_brought_together(angle, offset):
-    # The sum of squares over rotations has no minimum but the global one.
+def test_correspondences_are_aligned(angle, offset):
+    # The sum of squares over rotations has a single minimum.
     rng = np.random.default_rng(1)
     source = rng.normal(0.0, 10.0, (25, 3)) + offset
     axis = np.array([1.0, -2.0, 3.0]) / np.sqrt(14.0)
@@ -313,8 +313,8 @@ def test_a_start_at_the_minimum_stays_there():
     assert len(solution.history) == 1
 
 
-@pytest.mark.parametrize("name", ["lever", "first_radius", "largest_radius"])
+@pytest.mark.parametrize("name", ["rotation_scale", "first_radius", "max_radius"])
 @pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_settings_out_of_range_are_refused_by_name(name, value):
+def test_settings_out_of_range_are_rejected_by_name(name, value):
     with pytest.raises(InvalidInput, match=f"{name} must be positive"):
         Newton(**{name: value})

@@ -1,4 +1,4 @@
-"""What every solver keeps to, so that they can stand in for each other."""
+"""Contract of the interchangeable solvers."""
 
 from itertools import pairwise
 
@@ -37,9 +37,9 @@ _FARTHER = yaw_pose(0.1, (1.0, -0.5, 0.2))
 
 
 def _d2d(curvature):
-    scene = gaussians(np.random.default_rng(1), 60)
-    source = scene.transformed(yaw_pose(-0.05, (0.2, 0.1, 0.0)))
-    return GaussiansToGaussians(target=scene, source=source, curvature=curvature)
+    target = gaussians(np.random.default_rng(1), 60)
+    source = target.transformed(yaw_pose(-0.05, (0.2, 0.1, 0.0)))
+    return GaussiansToGaussians(target=target, source=source, curvature=curvature)
 
 
 class _Translations:
@@ -47,18 +47,18 @@ class _Translations:
 
     count = 1
 
-    def __init__(self, parts):
-        self._parts = parts
+    def __init__(self, function):
+        self._function = function
 
     def linearise(self, pose):
-        value, slope, bend = self._parts(pose.translation)
+        value, slope, curvature = self._function(pose.translation)
         gradient, hessian = np.zeros(6), np.zeros((6, 6))
-        gradient[:3], hessian[:3, :3] = slope, bend
+        gradient[:3], hessian[:3, :3] = slope, curvature
         return Quadratic(value, gradient, hessian)
 
 
 def _valley(t):
-    """Rosenbrock's, with the Hessian of Gauss and Newton."""
+    """Rosenbrock's function with its Gauss-Newton Hessian."""
     residuals = np.array([1.0 - t[0], 10.0 * (t[1] - t[0] ** 2), t[2]])
     jacobian = np.array([[-1.0, 0.0, 0.0], [-20.0 * t[0], 10.0, 0.0], [0.0, 0.0, 1.0]])
     return (
@@ -69,7 +69,7 @@ def _valley(t):
 
 
 @_ALL
-def test_a_bent_valley_is_followed_to_its_end(solver):
+def test_a_curved_valley_is_followed_to_its_minimum(solver):
     objective = _Translations(_valley)
     solver = type(solver)(
         criteria=ConvergenceCriteria(
@@ -82,10 +82,10 @@ def test_a_bent_valley_is_followed_to_its_end(solver):
 
 
 @_ALL
-def test_the_path_falls_to_the_best_pose_that_was_tried(solver):
+def test_accepted_values_fall_to_the_best_pose_evaluated(solver):
     solution = solver.minimise(_d2d(solver.curvature), _FARTHER)
     history = solution.history
-    # Of values alike but for rounding, a solver may take either.
+    # Of values equal up to rounding, a solver may take either.
     np.testing.assert_allclose(
         solution.quadratic.value, min(entry.value for entry in history), rtol=1e-12
     )
@@ -99,7 +99,7 @@ def test_the_path_falls_to_the_best_pose_that_was_tried(solver):
 
 
 @_ALL
-def test_where_nothing_meets_there_is_no_support(solver):
+def test_a_start_out_of_range_is_an_empty_objective(solver):
     away = yaw_pose(0.0, (1e3, 0.0, 0.0))
     solution = solver.minimise(_d2d(solver.curvature), away)
     assert solution.reason is StopReason.EMPTY_OBJECTIVE
@@ -108,8 +108,15 @@ def test_where_nothing_meets_there_is_no_support(solver):
 
 
 @_ALL
+@pytest.mark.parametrize("start", [_START, yaw_pose(0.0, (1e3, 0.0, 0.0))], ids=["near", "far"])
+def test_a_solution_refers_to_its_objective(solver, start):
+    objective = Constraints(dof="xy+yaw").applied_to(_d2d(solver.curvature))
+    assert solver.minimise(objective, start).objective is objective
+
+
+@_ALL
 @pytest.mark.parametrize("limit", [1, 2, 3, 5])
-def test_no_more_evaluations_than_allowed(solver, limit):
+def test_evaluations_do_not_exceed_the_maximum(solver, limit):
     solver = type(solver)(criteria=ConvergenceCriteria(max_iterations=limit))
     solution = solver.minimise(_d2d(solver.curvature), _FARTHER)
     assert solution.reason is StopReason.ITERATION_LIMIT
@@ -129,8 +136,8 @@ def test_a_start_at_the_minimum_stays_there(solver):
 
 @_ALL
 @pytest.mark.parametrize("dof", ["xy+yaw", "xyz+yaw"])
-def test_locked_directions_stay(solver, dof):
-    solution = solver.minimise(Constraints(dof=dof).on(_d2d(solver.curvature)), _START)
+def test_locked_directions_do_not_move(solver, dof):
+    solution = solver.minimise(Constraints(dof=dof).applied_to(_d2d(solver.curvature)), _START)
     assert solution.reason.is_converged
     np.testing.assert_allclose(solution.pose.rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
     if dof == "xy+yaw":
@@ -138,7 +145,7 @@ def test_locked_directions_stay(solver, dof):
 
 
 @_ALL
-def test_a_direction_that_nothing_holds_is_left_alone(solver):
+def test_a_direction_without_curvature_does_not_move(solver):
     trough = _Translations(
         lambda t: (1.0 + t[1] ** 2, [0.0, 2.0 * t[1], 0.0], np.diag([0.0, 2.0, 0.0]))
     )
@@ -158,7 +165,7 @@ def test_a_slope_without_curvature_is_followed_in_bounded_steps(solver):
 
 
 @_ALL
-def test_a_cliff_of_no_number_is_kept_away_from(solver):
+def test_poses_without_a_finite_value_are_avoided(solver):
     def parts(t):
         if t[0] > 1.1:
             return np.nan, [np.nan] * 3, np.full((3, 3), np.nan)
@@ -169,25 +176,25 @@ def test_a_cliff_of_no_number_is_kept_away_from(solver):
     np.testing.assert_allclose(solution.pose.translation, [1.0, 0.0, 0.0], atol=0.1)
 
 
-@pytest.mark.parametrize("longest", [0.1, 1.0])
+@pytest.mark.parametrize("max_step", [0.1, 1.0])
 @pytest.mark.parametrize("solver", [Bfgs, LineSearchNewton])
-def test_no_step_is_longer_than_the_longest(solver, longest):
-    solution = solver(max_step=longest).minimise(_d2d("exact"), _FARTHER)
+def test_steps_do_not_exceed_the_maximum(solver, max_step):
+    solution = solver(max_step=max_step).minimise(_d2d("exact"), _FARTHER)
     assert solution.reason.is_converged
-    # The step of Newton may exceed its radius by the hundredth that its damping is found to.
-    assert max(entry.step_norm for entry in solution.history) <= 1.011 * longest
+    # A Newton step may exceed its radius by 1 %, the tolerance of its damping.
+    assert max(entry.step_norm for entry in solution.history) <= 1.011 * max_step
 
 
-def test_damping_falls_after_steps_that_help_and_grows_after_others():
+def test_damping_falls_after_accepted_steps_and_grows_after_rejected_ones():
     solver = LevenbergMarquardt(first_damping=1e6, criteria=ConvergenceCriteria(max_iterations=4))
     bowl = _Translations(lambda t: (1.0 + t @ t, 2.0 * t, 2.0 * np.eye(3)))
     steps = [
         entry.step_norm
         for entry in solver.minimise(bowl, Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))).history
     ]
-    # The mean of the six curvatures is 1, the gradient 2, and each step takes next to nothing.
+    # The mean of the six curvatures is 1, the gradient is 2 and hardly changes.
     np.testing.assert_allclose(steps[1:], [2e-6, 2e-5, 2e-4], rtol=1e-3)
-    # A quadratic ten times too shallow overshoots until damping has made up for it.
+    # A Hessian ten times too small overshoots until the damping makes up for it.
     steep = _Translations(lambda t: (1.0 + 10.0 * t @ t, 20.0 * t, 2.0 * np.eye(3)))
     solver = LevenbergMarquardt(first_damping=0.0)
     history = solver.minimise(steep, Pose(np.eye(3), np.array([1.0, 0.0, 0.0]))).history
@@ -202,14 +209,14 @@ def test_damping_falls_after_steps_that_help_and_grows_after_others():
         (lambda: LevenbergMarquardt(growth=1.0), "growth"),
         (lambda: LevenbergMarquardt(decay=0.5), "decay"),
         (lambda: LevenbergMarquardt(first_damping=-1.0), "first_damping"),
-        (lambda: LevenbergMarquardt(rotation_scale=0.0), "lever must be positive"),
-        (lambda: LevenbergMarquardt(max_step=0.0), "longest_step must be positive"),
+        (lambda: LevenbergMarquardt(rotation_scale=0.0), "rotation_scale must be positive"),
+        (lambda: LevenbergMarquardt(max_step=0.0), "max_step must be positive"),
         (lambda: Bfgs(first_step=0.0), "first_step must be positive"),
-        (lambda: Bfgs(max_step=-1.0), "longest_step must be positive"),
-        (lambda: LineSearchNewton(rotation_scale=float("nan")), "lever must be positive"),
-        (lambda: LineSearchNewton(max_step=0.0), "longest_step must be positive"),
+        (lambda: Bfgs(max_step=-1.0), "max_step must be positive"),
+        (lambda: LineSearchNewton(rotation_scale=float("nan")), "rotation_scale must be positive"),
+        (lambda: LineSearchNewton(max_step=0.0), "max_step must be positive"),
     ],
 )
-def test_settings_out_of_range_are_refused(settings, match):
+def test_settings_out_of_range_are_rejected(settings, match):
     with pytest.raises(InvalidInput, match=match):
         settings()

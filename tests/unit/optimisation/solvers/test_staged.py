@@ -5,61 +5,73 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.staged import minimise_staged, with_tolerance
+from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers, with_tolerance
 
 
 class _Bowl:
-    """Least where the translation is at a place."""
+    """Half the squared distance of the translation from a point, less 1."""
 
     count = 1
 
-    def __init__(self, place):
-        self._place = np.array(place, float)
+    def __init__(self, minimum):
+        self._minimum = np.array(minimum, float)
 
     def linearise(self, pose):
-        gap = pose.translation - self._place
+        residual = pose.translation - self._minimum
         hessian = np.zeros((6, 6))
         hessian[:3, :3] = np.eye(3)
-        return Quadratic(-1.0 + 0.5 * gap @ gap, np.append(gap, np.zeros(3)), hessian)
+        return Quadratic(
+            -1.0 + 0.5 * residual @ residual, np.append(residual, np.zeros(3)), hessian
+        )
 
 
-class _Nothing:
+class _Empty:
     count = 1
 
     def linearise(self, pose):
         return Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
 
 
-def test_each_stage_begins_where_the_last_one_ended():
-    places = ([1.0, 0.0, 0.0], [1.0, 2.0, 0.0])
-    found = minimise_staged([(Newton(), _Bowl(place)) for place in places], Pose.identity())
-    np.testing.assert_allclose(found.pose.translation, places[1], atol=1e-6)
+def test_each_stage_begins_at_the_pose_of_the_last_one():
+    minima = ([1.0, 0.0, 0.0], [1.0, 2.0, 0.0])
+    found = minimise_staged([(Newton(), _Bowl(minimum)) for minimum in minima], Pose.identity())
+    np.testing.assert_allclose(found.pose.translation, minima[1], atol=1e-6)
     visited = [entry.pose.translation.tolist() for entry in found.history]
     assert visited[0] == [0.0, 0.0, 0.0]
     begins = [k for k, entry in enumerate(found.history) if entry.step_norm == 0.0]
     assert len(begins) == 2
-    np.testing.assert_allclose(visited[begins[1]], places[0], atol=1e-6)
+    np.testing.assert_allclose(visited[begins[1]], minima[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_a_stage_where_nothing_meets_is_passed_over(order):
-    stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Nothing())]
+def test_an_empty_stage_is_passed_over(order):
+    stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Empty())]
     found = minimise_staged([stages[k] for k in order], Pose.identity())
+    assert found.objective is stages[0][1]
     assert found.reason.is_converged
     np.testing.assert_allclose(found.pose.translation, [1.0, 0.0, 0.0], atol=1e-6)
 
 
-def test_the_start_comes_back_untouched_where_nothing_meets_at_all():
+def test_the_start_is_returned_unchanged_where_all_stages_are_empty():
     start = Pose.from_step(np.arange(6.0))
-    found = minimise_staged([(Newton(), _Nothing())] * 2, start)
+    found = minimise_staged([(Newton(), _Empty())] * 2, start)
     assert found.reason is StopReason.EMPTY_OBJECTIVE
     assert found.pose == start
     assert len(found.history) == 2
 
 
-def test_a_solver_is_loosened_and_never_tightened():
+def test_a_tolerance_is_raised_and_never_lowered():
     solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=7))
     assert with_tolerance(solver, 0.1).criteria == ConvergenceCriteria(
         step_tolerance=0.1, max_iterations=7
     )
     assert with_tolerance(solver, 1e-6) == solver
+
+
+def test_the_last_stage_has_the_tolerance_of_the_solver():
+    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
+    first, second, last = staged_solvers(solver, [0.1, 1e-6, 0.1])
+    assert first == with_tolerance(solver, 0.1)
+    assert second == solver
+    assert last is solver
+    assert staged_solvers(solver, [0.1]) == [solver]

@@ -64,7 +64,7 @@ def _fitted(fit, scene, constraints=UNCONSTRAINED, start=_START, steps=1):
     objective, pose, note = fit.objective(target, source, pairs, start), start, ""
     for _ in range(steps):
         pose, note = fit.next_pose(
-            objective, constraints.on(objective).linearise(pose), pose, constraints
+            objective, constraints.applied_to(objective).linearise(pose), pose, constraints
         )
     return pose, note
 

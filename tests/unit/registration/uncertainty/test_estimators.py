@@ -50,7 +50,7 @@ def _planes(seed, count=600, deviation=0.05, blocks=40, pose=None):
 
 
 def _solved(objective: Objective, pose: Pose, constraints=UNCONSTRAINED):
-    constrained = constraints.on(objective)
+    constrained = constraints.applied_to(objective)
     for _ in range(4):
         pose = pose.retract(gauss_newton_step(constrained.linearise(pose), 20.0))
     at = constrained.linearise(pose)

@@ -7,12 +7,12 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.models.voxel_gaussians import VoxelGrid
-from scanlock.optimisation.objectives.candidates import NearestAssociation
+from scanlock.optimisation.objectives.associations import NearestAssociation
 from scanlock.optimisation.objectives.cell_scores import PointsToCells
 from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, PointsToGaussians
 from scanlock.optimisation.objectives.point_pairs import PointPairs, point_precisions
-from scanlock.optimisation.solvers.problem import Separable, gathered
+from scanlock.optimisation.solvers.problem import Separable, rows_by_block
 
 _POSE = Pose.from_step(np.array([0.2, -0.1, 0.1, 0.02, -0.01, 0.03]))
 
@@ -34,10 +34,10 @@ def _objectives():
         GaussiansToGaussians(target=target, source=source, candidates=NearestAssociation(tree)),
     )
     yield "p2d", PointsToGaussians(target=target, points=points)
-    for meeting in ("near-cells", "trilinear"):
-        yield meeting, PointsToCells(target=cells, points=points, association=meeting)
-    partners = np.where(rng.random(80) < 0.7, rng.integers(80, size=80), -1)
-    yield "g-icp", DistributionPairs.at(_POSE, surface, surface, read_only(partners))
+    for association in ("near-cells", "trilinear"):
+        yield association, PointsToCells(target=cells, points=points, association=association)
+    correspondences = np.where(rng.random(80) < 0.7, rng.integers(80, size=80), -1)
+    yield "g-icp", DistributionPairs.at(_POSE, surface, surface, read_only(correspondences))
     yield (
         "icp",
         PointPairs(
@@ -51,33 +51,33 @@ def _objectives():
 
 
 @pytest.mark.parametrize("name", _NAMES)
-def test_shares_add_up_to_the_whole(name):
+def test_contributions_sum_to_the_whole(name):
     objective = dict(_objectives())[name]
     assert isinstance(objective, Separable), name
-    units = np.arange(len(objective.places)) * 7 % 5
-    whole, shares = objective.linearise(_POSE), objective.shares(_POSE, units)
-    assert len(shares.gradients) == 5
-    for values, sums in ((shares.gradients, whole.gradient), (shares.hessians, whole.hessian)):
+    blocks = np.arange(len(objective.positions)) * 7 % 5
+    whole, found = objective.linearise(_POSE), objective.contributions(_POSE, blocks)
+    assert len(found.gradients) == 5
+    for values, sums in ((found.gradients, whole.gradient), (found.hessians, whole.hessian)):
         atol = 1e-9 * np.abs(values).sum()
         np.testing.assert_allclose(values.sum(axis=0), sums, rtol=1e-9, atol=atol)
 
 
 @pytest.mark.parametrize("name", _NAMES)
-def test_a_share_is_that_of_its_own_parts(name):
+def test_a_contribution_is_that_of_its_own_elements(name):
     objective = dict(_objectives())[name]
-    places = objective.places
-    each = objective.shares(_POSE, np.arange(len(places))).gradients
+    positions = objective.positions
+    each = objective.contributions(_POSE, np.arange(len(positions))).gradients
     strongest = int(np.argmax(np.linalg.norm(each, axis=1)))
-    units = (np.arange(len(places)) == strongest).astype(np.int64)
-    others, alone = objective.shares(_POSE, units).gradients
+    blocks = (np.arange(len(positions)) == strongest).astype(np.int64)
+    others, alone = objective.contributions(_POSE, blocks).gradients
     whole = objective.linearise(_POSE).gradient
     np.testing.assert_allclose(alone, each[strongest], rtol=1e-9)
     np.testing.assert_allclose(alone, whole - others, atol=1e-9)
-    # The force of one part turns about the axes by where that part lies, give or take its size.
-    y = _POSE.apply(places[strongest])
+    # The torque of an element about the origin is bounded by its distance and its size.
+    y = _POSE.apply(positions[strongest])
     assert np.linalg.norm(alone[3:]) <= (np.linalg.norm(y) + 5.0) * np.linalg.norm(alone[:3])
 
 
-def test_rows_of_a_unit_lie_together():
-    order, runs = gathered(np.array([2, 0, 1, 0, 2]))
+def test_rows_are_sorted_by_block():
+    order, runs = rows_by_block(np.array([2, 0, 1, 0, 2]))
     assert [order[run].tolist() for run in runs] == [[1, 3], [2], [0, 4]]
