@@ -167,7 +167,7 @@ def path_lengths(poses: Sequence[Pose]) -> Vector:
 
 def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:
     here, there = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
-    if not PairMoments.of(here, there).holds_rotation:
+    if not PairMoments.of(here, there).constrains_rotation:
         # Positions on one line, or in one place, leave a turn open: the first pose settles it.
         return truth[0] @ estimate[0].inverse()
     return fit_arun(here, there)

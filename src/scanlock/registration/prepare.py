@@ -80,7 +80,7 @@ def _remarks(cloud: PointCloud) -> Iterator[str]:
             f"coordinates are rounded to {cloud.rounding:.3g} m, as single precision is so far "
             "from zero; read them in double precision, or subtract an offset before they are stored"
         )
-    spread = cloud.spread
+    spread = cloud.radius
     if spread > _WIDEST:
         yield (
             f"half of the points lie more than {spread:.3g} m from their middle; where these are "

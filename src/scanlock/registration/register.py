@@ -27,7 +27,7 @@ from scanlock.registration.verification.decision import decide
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
-from scanlock.threads import spread, using_threads
+from scanlock.threads import parallel_map, using_threads
 from scanlock.timing import StageClock
 
 _MENDED = 1e-6
@@ -104,7 +104,7 @@ def register(
         CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance
     )
     with using_threads(threads):
-        prepared = spread(
+        prepared = parallel_map(
             lambda side: _ready(*side, chosen), ((target, "target"), (source, "source"))
         )
     clock = StageClock()

@@ -60,6 +60,6 @@ class NeighbourCells:
         """Return the cells around each place."""
         voxels = self.voxels
         starts, members = rows_within(
-            read_only(places), voxels.table, voxels.cells, voxels.corner, voxels.width, self.reach
+            read_only(places), voxels.table, voxels.cells, voxels.corner, voxels.size, self.reach
         )
         return read_only(np.arange(len(places))), read_only(starts), read_only(members)

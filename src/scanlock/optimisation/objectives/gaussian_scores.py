@@ -22,7 +22,7 @@ from scanlock.optimisation.solvers.problem import (
     contributions_of_rows,
     gathered,
 )
-from scanlock.threads import spread
+from scanlock.threads import parallel_map
 
 _KEPT = "_near_pairs"
 """Under this name an objective keeps the pairs in reach of its last pose."""
@@ -125,7 +125,7 @@ class GaussiansToGaussians:
             terms = self._terms(pose, slice(None), lists)
         else:
             near = self._near_at(pose)
-            parts = spread(
+            parts = parallel_map(
                 lambda part: self._terms(pose, near.rows(part), near.lists(part)), near.parts
             )
             terms = parts[0] if len(parts) == 1 else np.sum([np.zeros(28), *parts], axis=0)
@@ -243,5 +243,5 @@ class PointsToGaussians:
         rows = np.empty((len(self.target), 10))
         rows[:, :3] = self.target.means
         rows[:, 3:9] = self.target.packed_precisions
-        rows[:, 9] = np.sqrt(window_end * self.target.widths)
+        rows[:, 9] = np.sqrt(window_end * self.target.max_variances)
         return read_only(rows)

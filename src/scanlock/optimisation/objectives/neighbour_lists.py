@@ -71,7 +71,7 @@ class Reach:
     @cached_property
     def shift(self) -> float:
         """How far the centre may move before lists must be made anew [m]."""
-        both = _quantile(self.target.widths, 0.5) + _quantile(self.source.widths, 0.5)
+        both = _quantile(self.target.max_variances, 0.5) + _quantile(self.source.max_variances, 0.5)
         return _SLACK * math.sqrt(self.window_end * both)
 
     @cached_property
@@ -101,10 +101,10 @@ class Reach:
         target = self.target
         side = max(_CELL * self.shift / _SLACK, _LEAST_CELL)
         starts, order, inside, corner, side, columns, rows = sorted_by_cell(
-            target.means, target.widths, side
+            target.means, target.max_variances, side
         )
         cells = read_only(starts), read_only(order), read_only(inside)
-        return *cells, read_only(corner), side, columns, rows, float(target.widths.max())
+        return *cells, read_only(corner), side, columns, rows, float(target.max_variances.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ class NeighbourLists:
         ends, members = targets_in_reach(
             *reach.grid,
             read_only(reach.source.means[rows]),
-            read_only(reach.source.widths[rows]),
+            read_only(reach.source.max_variances[rows]),
             read_only(reach.margins[rows]),
             self.pose.rotation,
             self.pose.translation,

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
-from scanlock.clouds.neighbours import ClosestPoints
+from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_positive
@@ -33,7 +33,7 @@ class PointScan:
     ----------
     cloud : PointCloud
         The checked points of the whole scan.
-    closest : ClosestPoints
+    closest : NearestNeighbours
         The points that are paired, thinned or all, and the way to search them.
     spacing : float [m]
         Typical distance between neighbours among them, see `typical_spacing`.
@@ -50,7 +50,7 @@ class PointScan:
     """
 
     cloud: PointCloud
-    closest: ClosestPoints
+    closest: NearestNeighbours
     spacing: float
     normals: Points
     covariances: Matrix

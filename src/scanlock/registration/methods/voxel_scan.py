@@ -44,7 +44,7 @@ class VoxelScan:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was found on the way."""
-        found = ", ".join(f"{len(one)} Gaussians of {one.width:g} m" for one in self.voxels)
+        found = ", ".join(f"{len(one)} Gaussians of {one.size:g} m" for one in self.voxels)
         return (f"{found}, of {len(self.points)} points",)
 
     @property

@@ -68,7 +68,7 @@ def cluster_constraints(gaussians: Gaussians) -> ClusterConstraints:
     every = np.broadcast_to(np.eye(3), (len(gaussians), 3, 3))
     max_information = _summed(gaussians.means, every, weights)
     # A matrix has the same axes as its square, so none of them need be found one by one.
-    thin = every - gaussians.covariances / gaussians.widths[:, None, None]
+    thin = every - gaussians.covariances / gaussians.max_variances[:, None, None]
     information = _summed(gaussians.means, np.linalg.matrix_power(thin, 4), weights)
     most = float(np.linalg.eigvalsh(information[:3, :3])[2])
     return ClusterConstraints(

@@ -150,7 +150,7 @@ def test_a_scan_keeps_what_it_was_thinned_to():
     assert kept.insufficient == ""
     assert kept.notes == (f"{len(kept.surface)} surface points; 0 others stand alone",)
     assert set(kept.timings) == {"thin", "surface", "voxels"}
-    widths = [voxels.width for voxels in _scan(street(1), Gicp(search="voxel")).voxels]
+    widths = [voxels.size for voxels in _scan(street(1), Gicp(search="voxel")).voxels]
     assert widths == [8.0, 4.0, 2.0, 1.0]
 
 

@@ -22,7 +22,7 @@ from scanlock.registration.settings.file import (
 )
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 from scanlock.segmentation.clusters import ClusterFinder, L2Distance
-from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.ground.finder import PublishedGroundFinder
 from scanlock.segmentation.segmentation import Segmenter
 
 
@@ -50,7 +50,7 @@ def test_every_method_comes_back_the_same(name):
             ),
         ),
         _with_segmenter(clusters=ClusterFinder(merge=L2Distance())),
-        _with_segmenter(ground=GroundFinder.das2013()),
+        _with_segmenter(ground=PublishedGroundFinder()),
         Gicp(max_correspondence_distances=(3,)),
     ],
     ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp"],
@@ -90,18 +90,25 @@ def test_a_list_of_tables_is_all_there_is():
 
 
 def test_none_is_written_where_the_default_is_something():
-    text = settings_to_toml(_with_segmenter(ground=GroundFinder(seed_count=None)))
-    assert '\n# seed_count = "none"\n' in text
-    given = settings_from_toml(text.replace('# seed_count = "none"', "seed_count = 3"))
-    assert given.landmarks.segmenter.ground.seed_count == 3
-    none = settings_from_toml(text.replace("# seed_count", "seed_count"))
-    assert none.landmarks.segmenter.ground.seed_count is None
+    text = settings_to_toml(_with_segmenter(ground=PublishedGroundFinder(max_seeds=None)))
+    assert '\nmax_seeds = "none"\n' in text
+    given = settings_from_toml(text.replace('max_seeds = "none"', "max_seeds = 3"))
+    assert given.extractor.segmenter.ground.max_seeds == 3
+    none = settings_from_toml(text)
+    assert none.extractor.segmenter.ground.max_seeds is None
+
+
+def test_none_is_a_comment_where_the_default_is_none():
+    text = settings_to_toml(METHODS["icp"])
+    assert '\n# annealing = "none"\n' in text
+    none = settings_from_toml(text.replace("# annealing", "annealing"))
+    assert none.annealing is None
 
 
 def test_numbers_without_end_are_kept():
     text = settings_to_toml(METHODS["sgc-ndt-d2d"])
-    assert "\nseed_range = inf\n" in text
-    assert math.isinf(settings_from_toml(text).landmarks.segmenter.ground.seed_range)
+    assert "\nmax_seed_range = inf\n" in text
+    assert math.isinf(settings_from_toml(text).extractor.segmenter.ground.max_seed_range)
 
 
 def test_each_setting_is_explained_once_with_its_choices():
@@ -158,8 +165,9 @@ def _mistake(line, table="", head='type = "SgcNdt"'):
          r"schedule\.scales\[0\]\.blur must be a number, got '1'"),
         (_mistake("is_entry = 1", "[[schedule.scales]]\nblur = 1\nlargest_radius = 1"),
          r"schedule\.scales\[0\]\.is_entry must be true or false, got 1"),
-        (_mistake('seed_count = "all"', "[landmarks.segmenter.ground]"),
-         "ground.seed_count must be a whole number or \"none\", got 'all'"),
+        (_mistake('type = "PublishedGroundFinder"\nmax_seeds = "all"',
+                  "[extractor.segmenter.ground]"),
+         "ground.max_seeds must be a whole number or \"none\", got 'all'"),
         (_mistake('gates = ["wide"]', head='type = "Gicp"'), r"gates\[0\] must be a number"),
     ],
 )  # fmt: skip
