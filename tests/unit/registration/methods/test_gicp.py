@@ -216,7 +216,7 @@ def test_the_front_door_takes_it(meeting):
         ({"spacing": 0.0}, "spacing must be positive"),
         ({"neighbours": 3}, "neighbours must be a whole number of at least 4"),
         ({"shape": "sphere"}, "shape must be"),
-        ({"thinness": 0.0}, "thinness must be positive"),
+        ({"covariance_epsilon": 0.0}, "covariance_epsilon must be positive"),
         ({"tolerance": 0.0}, "tolerance must be positive"),
         ({"rounds": 0}, "rounds must be a whole number"),
         ({"lever": 0.0}, "lever must be positive"),
