@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from real_scans import kitti_drive
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.ground.finder import GroundDetector, GroundFinder, PublishedGroundFinder
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.scan import simulate_scan
 from scanlock.simulation.sensors import SENSORS
@@ -210,7 +210,7 @@ def milliseconds(call: Callable[[], object]) -> float:
 def methods(case: Case) -> Iterator[tuple[str, Answer, Answer]]:
     """Yield each method by name, as a call to be judged and a call to be timed."""
     cloud = PointCloud.from_array(case.points)
-    for name, finder in (("scanlock", GroundFinder()), ("das2013", GroundFinder.das2013())):
+    for name, finder in (("scanlock", GroundFinder()), ("das2013", PublishedGroundFinder())):
         if case.max_range is not None:
             finder = replace(finder, grid=replace(finder.grid, max_range=case.max_range))
         call = partial(_found, finder, cloud)
@@ -222,7 +222,7 @@ def methods(case: Case) -> Iterator[tuple[str, Answer, Answer]]:
         yield "patchworkpp", partial(_patched, fresh, xyz), partial(_patched, used, xyz)
 
 
-def _found(finder: GroundFinder, cloud: PointCloud) -> np.ndarray:
+def _found(finder: GroundDetector, cloud: PointCloud) -> np.ndarray:
     return finder.find(cloud).is_ground
 
 

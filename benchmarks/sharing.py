@@ -24,7 +24,7 @@ from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.register import register
 from scanlock.simulation import scan_pair
-from scanlock.threads import spread, using_threads
+from scanlock.threads import parallel_map, using_threads
 from tables import machine, print_table
 
 COUNTS = (300, 1000, 3000, 10_000, 30_000)
@@ -56,9 +56,11 @@ def stages() -> dict[str, Callable[[int], object]]:
         )
 
     return {
-        "front ends of both scans, sgc-ndt-d2d": shared(lambda: spread(SgcNdt().prepare, clouds)),
-        "front ends of both scans, auto": shared(lambda: spread(auto.prepare, clouds)),
-        "small cells of both scans": shared(lambda: spread(fine.prepare, clouds)),
+        "front ends of both scans, sgc-ndt-d2d": shared(
+            lambda: parallel_map(SgcNdt().prepare, clouds)
+        ),
+        "front ends of both scans, auto": shared(lambda: parallel_map(auto.prepare, clouds)),
+        "small cells of both scans": shared(lambda: parallel_map(fine.prepare, clouds)),
         "fine descent": shared(lambda: fine.align(kept[0], kept[1], pair.target_from_source)),
         "whole call, sgc-ndt-d2d": whole("sgc-ndt-d2d"),
         "whole call, auto": whole("auto"),

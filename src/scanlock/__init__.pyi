@@ -5,7 +5,7 @@
 from scanlock import io as io
 from scanlock import simulation as simulation
 
-# Scans, poses and what is known of them
+# Scans, poses, constraints
 from scanlock.clouds.point_cloud import PointCloud as PointCloud
 
 # Errors
@@ -24,6 +24,10 @@ from scanlock.optimisation import objectives as objectives
 from scanlock.optimisation import solvers as solvers
 from scanlock.optimisation.objectives.constraints import Constraints as Constraints
 from scanlock.optimisation.objectives.constraints import PosePrior as PosePrior
+
+# Sequences
+from scanlock.pipelines.odometry import OdometryStep as OdometryStep
+from scanlock.pipelines.odometry import odometry as odometry
 from scanlock.registration.assess import assess as assess
 
 # Results
@@ -37,7 +41,7 @@ from scanlock.registration.methods.mskm_ndt import MskmNdt as MskmNdt
 from scanlock.registration.methods.ndt import Ndt as Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d as NdtD2d
 
-# Methods of one's own
+# Your own methods
 from scanlock.registration.methods.protocol import InsufficientData as InsufficientData
 from scanlock.registration.methods.protocol import Method as Method
 from scanlock.registration.methods.protocol import PreparationLog as PreparationLog
@@ -63,6 +67,7 @@ from scanlock.registration.warm_up import warm_up as warm_up
 # Segmentation
 from scanlock.segmentation.clusters import ClusterFinder as ClusterFinder
 from scanlock.segmentation.ground.finder import GroundFinder as GroundFinder
+from scanlock.segmentation.ground.finder import PublishedGroundFinder as PublishedGroundFinder
 from scanlock.segmentation.segmentation import Segmentation as Segmentation
 from scanlock.segmentation.segmentation import Segmenter as Segmenter
 from scanlock.segmentation.segmentation import segment as segment

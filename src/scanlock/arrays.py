@@ -1,4 +1,4 @@
-"""Names for the arrays that travel through scanlock, with their shapes."""
+"""Array types of scanlock with their shapes, and read-only views."""
 
 from typing import TypeVar
 
@@ -17,19 +17,19 @@ Matrix = NDArray[np.float64]
 """(m, n) numbers."""
 
 Labels = NDArray[np.int64]
-"""(n,) group of each row, contiguous from 0; -1 means left out."""
+"""(n,) group of each row, contiguous from 0; -1 for none."""
 
 Counts = NDArray[np.int64 | np.float64]
-"""(k,) points behind each part; of merged parts seldom whole."""
+"""(k,) number of points of each Gaussian; merged ones may have a fractional count."""
 
 Mask = NDArray[np.bool_]
 """(n,) membership of each row."""
 
 
 def frozen(array: NDArray[np.generic]) -> None:
-    """Make an array read-only in place; every value type calls this on what it owns.
+    """Make an array read-only in place; value classes apply it to the arrays they own.
 
-    Read-only arrays are a type of their own to Numba, so freezing all of them keeps one
+    Numba compiles read-only and writable arrays separately. Freezing all of them keeps one
     compiled signature for each kernel.
     """
     array.setflags(write=False)
@@ -38,8 +38,8 @@ def frozen(array: NDArray[np.generic]) -> None:
 def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     """Return a read-only, C-contiguous view of an array; a copy where it is not contiguous.
 
-    Indexing a frozen array gives a writable one. A kernel that is handed such an array gets
-    this view of it, or it would be compiled a second time.
+    Indexing a frozen array gives a writable one. Passing this view to a kernel avoids a second
+    compiled signature.
     """
     view = np.ascontiguousarray(array).view()
     frozen(view)

@@ -1,7 +1,7 @@
-"""What scanlock raises, and the checks that settings share.
+"""Exceptions of scanlock, and checks of settings.
 
-Bad input raises one of these, naming the argument, its value and the remedy. Bad luck (no
-overlap, no convergence) never raises: it is a status in the result.
+Invalid input raises an exception that names the argument, its value and the remedy. A failed
+registration (no overlap, no convergence) never raises: it is a status in the result.
 """
 
 import math
@@ -9,7 +9,7 @@ import operator
 
 
 class ScanlockError(Exception):
-    """Any error that scanlock raises on purpose."""
+    """Base class of all exceptions of scanlock."""
 
 
 class InvalidInput(ScanlockError, ValueError):
@@ -17,11 +17,11 @@ class InvalidInput(ScanlockError, ValueError):
 
 
 class FormatError(ScanlockError, ValueError):
-    """A file is not what its name or header says; names the byte or line."""
+    """A file contradicts its name or header; the message names the byte or line."""
 
 
 class MissingExtra(ScanlockError, ImportError):
-    """An optional dependency is not installed; says how to install it."""
+    """An optional dependency is missing; the message says how to install it."""
 
 
 def require_positive(name: str, value: float, unit: str = "") -> None:
@@ -30,26 +30,26 @@ def require_positive(name: str, value: float, unit: str = "") -> None:
         raise InvalidInput(f"{name} must be positive, got {_with_unit(value, unit)}")
 
 
-def require_at_least(name: str, value: float, least: float, unit: str = "") -> None:
-    """Raise `InvalidInput` unless `value` is finite and not below `least`."""
-    if not (_is_finite(value) and value >= least):
+def require_at_least(name: str, value: float, minimum: float, unit: str = "") -> None:
+    """Raise `InvalidInput` unless `value` is finite and not below `minimum`."""
+    if not (_is_finite(value) and value >= minimum):
         raise InvalidInput(
-            f"{name} must be at least {_with_unit(least, unit)}, got {_with_unit(value, unit)}"
+            f"{name} must be at least {_with_unit(minimum, unit)}, got {_with_unit(value, unit)}"
         )
 
 
-def require_count(name: str, value: int, least: int = 1) -> None:
-    """Raise `InvalidInput` unless `value` is a whole number not below `least`."""
+def require_count(name: str, value: int, minimum: int = 1) -> None:
+    """Raise `InvalidInput` unless `value` is a whole number not below `minimum`."""
     try:
-        whole = operator.index(value) >= least
+        is_valid = operator.index(value) >= minimum
     except TypeError:
-        whole = False
-    if not whole:
-        raise InvalidInput(f"{name} must be a whole number of at least {least}, got {value!r}")
+        is_valid = False
+    if not is_valid:
+        raise InvalidInput(f"{name} must be a whole number of at least {minimum}, got {value!r}")
 
 
 def require_fraction(name: str, value: float) -> None:
-    """Raise `InvalidInput` unless `value` lies in [0, 1]."""
+    """Raise `InvalidInput` unless `value` is in [0, 1]."""
     if not (_is_finite(value) and 0 <= value <= 1):
         raise InvalidInput(f"{name} must lie between 0 and 1, got {_with_unit(value)}")
 
@@ -58,7 +58,7 @@ def _is_finite(value: float) -> bool:
     try:
         return math.isfinite(value)
     except TypeError:
-        # Settings files and notebooks bring strings and None, whatever the annotation says.
+        # Settings files and notebooks may pass strings and None despite the annotation.
         return False
 
 

@@ -1,4 +1,4 @@
-"""What becomes of an interrupt that meets a kernel: the `KeyboardInterrupt` it was."""
+"""Recovery of a `KeyboardInterrupt` that Numba replaced by a `SystemError`."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -6,10 +6,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def plain_interrupts() -> Generator[None]:
-    """Raise the `KeyboardInterrupt` itself where Numba has made a `SystemError` of it.
+    """Raise the `KeyboardInterrupt` that caused a `SystemError`; for ``with`` and as a decorator.
 
-    Numba goes on when an interrupt meets it handing over the result of a kernel, and Python
-    complains of a function that both returned and raised. For ``with``, or before a function.
+    Numba continues when an interrupt arrives while a kernel returns its result. Python then
+    raises a `SystemError` about a function that both returned and raised.
     """
     try:
         yield
@@ -21,7 +21,7 @@ def plain_interrupts() -> Generator[None]:
 
 
 def _first_cause(error: BaseException) -> BaseException:
-    """Return what was raised first of errors that caused one another."""
+    """Return the first error of a chain of causes."""
     while error.__cause__ is not None:
         error = error.__cause__
     return error

@@ -1,8 +1,7 @@
-"""Work spread over threads: kernels leave the interpreter free, so plain threads are enough.
+"""Parallel map over plain threads; kernels release the global interpreter lock.
 
-What is spread is cut the same way whatever the number of threads, and summed in the same order,
-so results are the same to the last bit. Threads are kept from one call to the next; a process
-that was forked from this one starts its own.
+The work is split and summed in the same way for any number of threads, so results are bitwise
+equal. Threads are reused between calls; a forked process starts its own.
 """
 
 import itertools
@@ -19,15 +18,21 @@ _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 _threads: ContextVar[int] = ContextVar("threads", default=1)
-"""How many threads the work of the caller may take; another thread starts with one again."""
+"""Number of threads that the current context may use; 1 in a new thread."""
 
 _pools: dict[tuple[int, int], ThreadPoolExecutor] = {}
-"""Helping threads by process and number."""
+"""Thread pools by process id and number of workers."""
 
 
 @contextmanager
 def using_threads(count: int) -> Generator[None]:
-    """Let `spread` take up to `count` threads, the caller's included, while this lasts."""
+    """Allow `parallel_map` up to `count` threads, the caller's included, inside a ``with`` block.
+
+    Raises
+    ------
+    InvalidInput
+        `count` is not a whole number of at least 1.
+    """
     require_count("threads", count, 1)
     token = _threads.set(int(count))
     try:
@@ -36,40 +41,48 @@ def using_threads(count: int) -> Generator[None]:
         _threads.reset(token)
 
 
-def spread(function: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+def parallel_map(function: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
     """Return the results of a function for all items, in order.
 
-    The caller's thread takes part, and nothing is spread again from inside: threads that wait for
-    threads could wait forever. The first error is raised once all have ended.
+    The caller's thread takes part. Nested calls run in one thread, since threads that wait for
+    threads of the same pool could deadlock. The first error is raised after all threads have
+    ended.
+
+    Parameters
+    ----------
+    function : callable
+        Function of one item; called from several threads at once.
+    items : sequence
+        Arguments of the calls.
     """
     count = min(_threads.get(), len(items))
     if count < 2:
         return [function(item) for item in items]
     results: dict[int, _Result] = {}
-    turn = itertools.count()
+    next_row = itertools.count()
 
     def work() -> None:
-        # Taking the next number is one step of the interpreter: no two threads get the same.
-        while (row := next(turn)) < len(items):
+        # The interpreter increments the counter in one step: no two threads get the same row.
+        while (row := next(next_row)) < len(items):
             results[row] = function(items[row])
 
-    def work_alone() -> None:
+    def work_in_one_thread() -> None:
         with using_threads(1):
             work()
 
-    helping = [_pool(count - 1).submit(work) for _ in range(count - 1)]
+    futures = [_pool(count - 1).submit(work) for _ in range(count - 1)]
     try:
-        work_alone()
+        work_in_one_thread()
     finally:
-        errors = [one.exception() for one in helping]
+        errors = [future.exception() for future in futures]
     for error in errors:
         if error is not None:
             raise error
     return [results[row] for row in range(len(items))]
 
 
-def _pool(helpers: int) -> ThreadPoolExecutor:
-    key = os.getpid(), helpers
+def _pool(workers: int) -> ThreadPoolExecutor:
+    key = os.getpid(), workers
     if key not in _pools:
-        _pools[key] = ThreadPoolExecutor(helpers, thread_name_prefix="scanlock")
+        _pools[key] = ThreadPoolExecutor(workers, thread_name_prefix="scanlock")
     return _pools[key]

@@ -1,4 +1,4 @@
-"""Wall time of the stages of one registration."""
+"""Wall time of the stages of a registration."""
 
 import time
 from collections.abc import Generator
@@ -6,14 +6,20 @@ from contextlib import contextmanager
 
 
 class StageClock:
-    """Adds up the wall time [s] spent under each name."""
+    """Accumulates the wall time of named stages.
+
+    Attributes
+    ----------
+    seconds : dict of str to float [s]
+        Total wall time of each stage.
+    """
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
 
     @contextmanager
     def stage(self, name: str) -> Generator[None]:
-        """Count the time spent inside the ``with`` block under `name`."""
+        """Add the wall time of the ``with`` block to the stage `name`."""
         start = time.perf_counter()
         try:
             yield

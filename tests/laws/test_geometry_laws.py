@@ -1,4 +1,4 @@
-"""Group axioms of poses, and the laws of exponentials and logarithms."""
+"""Group axioms of poses, and laws of exponentials and logarithms."""
 
 import numpy as np
 from hypothesis import given
@@ -11,7 +11,7 @@ from scanlock.geometry.rotations import exp_rotation, log_rotation, rotation_ang
 _directions = arrays(np.float64, 3, elements=st.floats(-1, 1)).filter(
     lambda v: np.linalg.norm(v) > 1e-3
 )
-# Near zero, near half a turn and past it are where formulas for rotations break.
+# Formulas for rotations are inaccurate near zero, near pi and beyond it.
 _angles = st.one_of(
     st.floats(0, 1e-3), st.floats(0, 3.1), st.floats(np.pi - 1e-6, np.pi), st.floats(4, 50)
 )
@@ -44,18 +44,18 @@ def test_identity_is_neutral(pose):
 
 
 @given(_poses())
-def test_inverse_undoes_from_both_sides(pose):
+def test_the_inverse_is_two_sided(pose):
     _assert_close(pose @ pose.inverse(), Pose.identity())
     _assert_close(pose.inverse() @ pose, Pose.identity())
 
 
 @given(_poses(), _poses(), arrays(np.float64, (4, 3), elements=st.floats(-100, 100)))
-def test_composition_is_one_motion_after_the_other(a, b, points):
+def test_composition_applies_one_transform_after_the_other(a, b, points):
     np.testing.assert_allclose((a @ b).apply(points), a.apply(b.apply(points)), atol=1e-11)
 
 
 @given(_poses(), _poses())
-def test_distance_is_symmetric_and_ignores_a_common_motion(a, b):
+def test_distance_is_symmetric_and_invariant_to_a_common_transform(a, b):
     metres, radians = a.distance(b)
     np.testing.assert_allclose(b.distance(a), (metres, radians), atol=1e-11)
     moved = Pose.from_step(np.array([1.0, 2.0, 3.0, 0.4, 0.5, 0.6]))
@@ -63,7 +63,7 @@ def test_distance_is_symmetric_and_ignores_a_common_motion(a, b):
 
 
 @given(_poses(), arrays(np.float64, 6, elements=st.floats(-2, 2)))
-def test_a_retraction_moves_the_points_already_in_the_target_frame(pose, step):
+def test_a_retraction_moves_points_in_the_target_frame(pose, step):
     points = np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 3.0]])
     expected = pose.apply(points) @ exp_rotation(step[3:]).T + step[:3]
     np.testing.assert_allclose(pose.retract(step).apply(points), expected, atol=1e-12)
@@ -78,59 +78,59 @@ def test_exp_gives_a_rotation_whose_inverse_is_the_opposite_vector(vector):
 
 
 @given(_vectors_of_rotation())
-def test_exp_undoes_log_and_the_angle_is_at_most_half_a_turn(vector):
+def test_exp_inverts_log_and_the_angle_is_at_most_pi(vector):
     rotation = exp_rotation(vector)
     np.testing.assert_allclose(exp_rotation(log_rotation(rotation)), rotation, atol=1e-14)
     assert 0 <= rotation_angle(rotation) <= np.pi + 1e-15
 
 
 @given(_vectors_of_rotation(), _vectors_of_rotation())
-def test_the_logarithm_turns_with_the_frame(vector, frame):
+def test_the_logarithm_rotates_with_the_frame(vector, frame):
     rotation, turn = exp_rotation(vector), exp_rotation(frame)
     turned = turn @ rotation @ turn.T
     np.testing.assert_allclose(exp_rotation(turn @ log_rotation(rotation)), turned, atol=1e-13)
 
 
 @given(_poses())
-def test_a_pose_survives_its_matrix(pose):
+def test_from_matrix_inverts_the_matrix_of_a_pose(pose):
     _assert_close(Pose.from_matrix(pose.matrix), pose)
 
 
 @given(_poses(), _poses(), arrays(np.float64, (4, 3), elements=st.floats(-100, 100)))
-def test_a_pose_acts_on_poses_and_points_alike(a, b, points):
+def test_composition_and_application_are_associative(a, b, points):
     np.testing.assert_allclose((a @ b) @ points, a @ (b @ points), atol=1e-9)
 
 
 @given(_poses())
-def test_numpy_takes_a_pose_for_its_matrix(pose):
+def test_numpy_functions_accept_a_pose(pose):
     np.testing.assert_array_equal(np.asarray(pose), pose.matrix)
     np.testing.assert_allclose(np.linalg.inv(pose), pose.inverse().matrix, atol=1e-9)
 
 
 @given(_poses())
-def test_from_step_undoes_log(pose):
+def test_from_step_inverts_log(pose):
     assert Pose.from_step(pose.log()).is_close(pose, translation=1e-9, rotation=1e-7)
 
 
 @given(_poses(), arrays(np.float64, 6, elements=st.floats(-1e-4, 1e-4)))
-def test_the_adjoint_carries_small_steps_from_source_to_target(pose, step):
+def test_the_adjoint_maps_small_steps_from_source_to_target(pose, step):
     before = pose @ Pose.from_step(step)
     after = Pose.from_step(pose.adjoint() @ step) @ pose
     assert before.is_close(after, translation=1e-5, rotation=1e-7)
 
 
 @given(_poses(), _poses())
-def test_a_perturbation_by_the_difference_leads_to_the_other_pose(a, b):
+def test_a_perturbation_by_the_difference_gives_the_other_pose(a, b):
     assert b.perturbed(a.difference(b)).is_close(a, translation=1e-9, rotation=1e-6)
 
 
 @given(_poses(), arrays(np.float64, 6, elements=st.floats(-2, 2)))
-def test_a_perturbation_turns_about_the_origin_of_the_source(pose, step):
+def test_a_perturbation_rotates_about_the_origin_of_the_source(pose, step):
     moved = pose.perturbed(step) @ np.zeros(3)
     np.testing.assert_allclose(moved, pose.translation + step[:3], atol=1e-12)
 
 
 @given(_poses(), _poses())
-def test_the_scaled_distance_joins_metres_and_radians(a, b):
+def test_the_scaled_distance_combines_metres_and_radians(a, b):
     metres, radians = a.distance(b)
     assert a.scaled_distance(b, 20.0) == np.hypot(metres, 20.0 * radians)

@@ -1,4 +1,4 @@
-"""What the ground of a scan does not depend on."""
+"""Invariances of ground segmentation."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus
-from scanlock.segmentation.ground.model import BLUNT_LIMIT
+from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus, PublishedGroundFinder
+from scanlock.segmentation.ground.model import BLUNT_THRESHOLD
 
 _FINDER = GroundFinder()
 
@@ -15,7 +15,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def _street(rng, slope):
-    """A sloping plane with walls and posts on it, thinning out with range."""
+    """Sloping plane with walls, of a point density that decreases with range."""
     radius = 3.0 * 12.0 ** rng.random(6000)
     azimuth = rng.uniform(-np.pi, np.pi, 6000)
     xy = [np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth)])]
@@ -24,60 +24,60 @@ def _street(rng, slope):
         start, along = rng.uniform(-15, 15, 2), rng.uniform(-6, 6, 2)
         xy.append(start + rng.random((400, 1)) * along)
         rise.append(rng.uniform(0, 3, 400))
-    places = np.concatenate(xy)
-    return np.column_stack([places, slope * places[:, 0] - 1.7 + np.concatenate(rise)])
+    xy = np.concatenate(xy)
+    return np.column_stack([xy, slope * xy[:, 0] - 1.7 + np.concatenate(rise)])
 
 
 def _find(points):
     return _FINDER.find(PointCloud.from_array(points))
 
 
-def _same_answers(first, second):
-    """Two grounds agree, but for points that lie within a centimetre of a limit."""
+def _assert_equal(first, second):
+    """Two results agree, except for points within a centimetre of a threshold."""
     assert first.status is second.status
-    settled = np.isfinite(first.height) == np.isfinite(second.height)
-    for limit in (_FINDER.height_limit, BLUNT_LIMIT):
-        settled &= ~(np.abs(np.abs(first.height) - limit) < 0.01)
-    assert settled.mean() > 0.9
-    assert (first.is_ground == second.is_ground)[settled].all()
+    is_clear = np.isfinite(first.height) == np.isfinite(second.height)
+    for threshold in (_FINDER.height_threshold, BLUNT_THRESHOLD):
+        is_clear &= ~(np.abs(np.abs(first.height) - threshold) < 0.01)
+    assert is_clear.mean() > 0.9
+    assert (first.is_ground == second.is_ground)[is_clear].all()
 
 
 @settings(max_examples=15)
 @given(seeds, st.floats(-0.08, 0.08), st.floats(-50, 50))
-def test_a_shift_along_z_changes_nothing(seed, slope, shift):
+def test_a_translation_along_z_does_not_change_the_ground(seed, slope, shift):
     points = _street(np.random.default_rng(seed), slope)
     first, second = _find(points), _find(points + np.array([0, 0, shift]))
-    _same_answers(first, second)
+    _assert_equal(first, second)
     if first.status is not GroundStatus.NONE:
-        drop = shift * first.up[2]
-        assert np.isclose(second.sensor_height, first.sensor_height - drop, atol=1e-6)
+        expected = first.sensor_height - shift * first.up[2]
+        assert np.isclose(second.sensor_height, expected, atol=1e-6)
 
 
-def _turned(points, sectors):
+def _rotated(points, sectors):
     angle = 2 * np.pi * sectors / _FINDER.grid.sectors
     return points @ exp_rotation(np.array([0.0, 0.0, angle])).T
 
 
 @settings(max_examples=15)
 @given(seeds, st.floats(-0.08, 0.08), st.integers(1, 29))
-def test_a_turn_by_whole_patches_changes_nothing(seed, slope, patches):
+def test_a_rotation_by_whole_patches_does_not_change_the_ground(seed, slope, patches):
     points = _street(np.random.default_rng(seed), slope)
-    _same_answers(_find(points), _find(_turned(points, 6 * patches)))
+    _assert_equal(_find(points), _find(_rotated(points, 6 * patches)))
 
 
 @settings(max_examples=15)
 @given(seeds, st.floats(-0.08, 0.08), st.integers(1, 179))
-def test_a_turn_by_whole_sectors_changes_next_to_nothing(seed, slope, sectors):
-    # Patches of the coarse ground are six sectors wide and meet other points after the turn.
+def test_a_rotation_by_whole_sectors_changes_few_points(seed, slope, sectors):
+    # Patches are six sectors wide and have other points after the rotation.
     points = _street(np.random.default_rng(seed), slope)
-    first, second = _find(points), _find(_turned(points, sectors))
+    first, second = _find(points), _find(_rotated(points, sectors))
     assert first.status is second.status
     assert (first.is_ground != second.is_ground).mean() < 0.005
 
 
 @settings(max_examples=15)
 @given(seeds, st.floats(-0.08, 0.08))
-def test_the_order_of_rows_changes_nothing(seed, slope):
+def test_the_order_of_rows_does_not_change_the_ground(seed, slope):
     rng = np.random.default_rng(seed)
     points = _street(rng, slope)
     order = rng.permutation(len(points))
@@ -88,10 +88,10 @@ def test_the_order_of_rows_changes_nothing(seed, slope):
 
 @settings(max_examples=15)
 @given(seeds, st.integers(1, 300), st.floats(0.01, 300.0))
-def test_any_cloud_gets_a_whole_answer(seed, count, size):
+def test_any_cloud_has_a_complete_result(seed, count, size):
     rng = np.random.default_rng(seed)
     points = rng.normal(0, size, (count, 3)) * rng.choice([0.0, 0.01, 1.0], 3)
-    for finder in (_FINDER, GroundFinder.das2013()):
+    for finder in (_FINDER, PublishedGroundFinder()):
         ground = finder.find(PointCloud.from_array(points))
         assert ground.is_ground.shape == ground.height.shape == (count,)
         assert not np.isnan(ground.height[ground.is_ground | ground.is_below]).any()

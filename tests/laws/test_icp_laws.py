@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scanlock.clouds.neighbours import closest_points
+from scanlock.clouds.neighbours import nearest_neighbours
 from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun, fit_horn, fit_yaw
@@ -25,7 +25,7 @@ def _weighted_pairs(draw):
 
 def _hold(moments):
     """Margin by which the best rotation beats the second best, of 1."""
-    u, sizes, vt = np.linalg.svd(moments.spread)
+    u, sizes, vt = np.linalg.svd(moments.cross_covariance)
     sign = np.sign(np.linalg.det(u @ vt))
     return (sizes[1] + sign * sizes[2]) / sizes[0] if sizes[0] > 0.0 else 0.0
 
@@ -63,7 +63,8 @@ def test_a_turn_about_z_turns_the_yaw_fit(pairs, angle):
     target, source, weights = pairs
     moments = PairMoments.of(*pairs)
     parts = np.hypot(
-        moments.spread[0, 0] + moments.spread[1, 1], moments.spread[0, 1] - moments.spread[1, 0]
+        moments.cross_covariance[0, 0] + moments.cross_covariance[1, 1],
+        moments.cross_covariance[0, 1] - moments.cross_covariance[1, 0],
     )
     if parts > 1e-3:
         turn = Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, angle]))
@@ -79,7 +80,7 @@ def test_a_turn_about_z_turns_the_yaw_fit(pairs, angle):
 def test_tree_and_tessellation_find_the_same_distances(points, queries):
     tree = PointTree.from_points(points)
     _, by_tree = tree.nearest(queries)
-    _, by_edges = closest_points(tree, "delaunay").nearest(queries)
+    _, by_edges = nearest_neighbours(tree, "delaunay").nearest(queries)
     np.testing.assert_allclose(by_edges, by_tree, rtol=1e-12, atol=1e-12)
 
 
@@ -92,5 +93,5 @@ def test_they_find_the_same_distances_where_points_repeat_a_lattice(seed, count,
         [rng.uniform(-3.0, 9.0, (50, 3)), 0.5 * rng.integers(-2, 14, (50, 3))]
     )
     _, by_tree = tree.nearest(queries)
-    _, by_edges = closest_points(tree, "delaunay").nearest(queries)
+    _, by_edges = nearest_neighbours(tree, "delaunay").nearest(queries)
     np.testing.assert_allclose(by_edges, by_tree, rtol=1e-12, atol=1e-12)

@@ -1,7 +1,7 @@
-"""Greedy clustering as section V of Das et al. 2013 writes it, and its tests Phi.
+"""Greedy clustering by its definition, section V of Das et al. 2013, and its tests Phi.
 
-Starting from a random unvisited bin, neighbours in Theta are merged as long as Phi allows,
-with a list of open bins, until every bin is visited.
+From a random unvisited bin, neighbours in Theta are merged as long as Phi allows, with a list of
+open bins, until every bin is visited.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from reference.moments import regularised
 
 
 def bins_of(points, sectors, edges):
-    """The rows in each occupied (sector, ring)."""
+    """Rows of the points in each occupied (sector, ring)."""
     bins = {}
     rings = len(edges) - 1
     for row, (x, y, _) in enumerate(points):
@@ -23,7 +23,7 @@ def bins_of(points, sectors, edges):
 
 
 def neighbours(cell, sectors, rings):
-    """Theta: the eight bins around one; azimuth wraps, range does not."""
+    """Theta: the eight neighbours of a bin; azimuth wraps, range does not."""
     sector, ring = cell
     for sector_step in (-1, 0, 1):
         for ring_step in (-1, 0, 1):
@@ -32,7 +32,7 @@ def neighbours(cell, sectors, rings):
 
 
 def flood(points, sectors, edges, combine, rng):
-    """The sets of rows that grow together, from bins visited in random order."""
+    """Sets of rows of the clusters grown from bins in random order."""
     bins = bins_of(points, sectors, edges)
     unvisited = set(bins)
     clusters = set()
@@ -54,12 +54,12 @@ def flood(points, sectors, edges, combine, rng):
 
 
 def covariance(points):
-    gaps = points - points.mean(axis=0)
-    return gaps.T @ gaps / len(points)
+    centred = points - points.mean(axis=0)
+    return centred.T @ centred / len(points)
 
 
-def means_are_close(first, second, limit):
-    return np.linalg.norm(first.mean(axis=0) - second.mean(axis=0)) < limit
+def means_are_close(first, second, max_distance):
+    return np.linalg.norm(first.mean(axis=0) - second.mean(axis=0)) < max_distance
 
 
 def correlation(first_mean, first_covariance, second_mean, second_covariance):
@@ -72,17 +72,17 @@ def correlation(first_mean, first_covariance, second_mean, second_covariance):
     return overlap(*f, *g) / np.sqrt(overlap(*f, *f) * overlap(*g, *g))
 
 
-def densities_correlate(first, second, least_correlation, min_deviation):
+def densities_correlate(first, second, min_correlation, min_deviation):
     f, g = (
-        (part.mean(axis=0), regularised(covariance(part), min_deviation))
-        for part in (first, second)
+        (points.mean(axis=0), regularised(covariance(points), min_deviation))
+        for points in (first, second)
     )
-    return correlation(*f, *g) > least_correlation
+    return correlation(*f, *g) > min_correlation
 
 
-def one_gaussian_fits(first, second, limit, min_deviation):
-    """Whether the means lie within `limit` deviations of the scatter about their own means."""
+def one_gaussian_fits(first, second, max_mahalanobis, min_deviation):
+    """Whether the Mahalanobis distance of the means by the pooled covariance is small."""
     both = np.concatenate([first - first.mean(axis=0), second - second.mean(axis=0)])
     pooled = regularised(both.T @ both / len(both), min_deviation)
-    gap = first.mean(axis=0) - second.mean(axis=0)
-    return np.sqrt(gap @ np.linalg.inv(pooled) @ gap) < limit
+    difference = first.mean(axis=0) - second.mean(axis=0)
+    return np.sqrt(difference @ np.linalg.inv(pooled) @ difference) < max_mahalanobis

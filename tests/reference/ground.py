@@ -1,4 +1,4 @@
-"""Ground segmentation's loops, from their definitions."""
+"""Loops of ground segmentation by their definitions."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def lowest_in_cells(points, cells, count):
-    """Row of the lowest point of each cell, ties to the nearest, then smallest x, then y."""
+    """Row of the lowest point of each cell; ties by smallest range, then x, then y."""
     rows = []
     for c in range(count):
         own = np.flatnonzero(cells == c)
@@ -15,45 +15,45 @@ def lowest_in_cells(points, cells, count):
     return np.array(rows), np.array([(cells == c).sum() for c in range(count)])
 
 
-def low_counts(points, cells, lowest, plane, near, reach):
-    """How many points of each cell rise less than near and reach * near above its lowest."""
+def low_counts(points, cells, lowest, plane, near, factor):
+    """Numbers of points of each cell less than near and factor * near above its lowest."""
     heights = points @ plane[:3] + plane[3]
     close, within = [], []
     for c, row in enumerate(lowest):
         rise = heights[cells == c] - (heights[row] if row >= 0 else 0.0)
         close.append((rise < near[c]).sum())
-        within.append((rise < reach * near[c]).sum())
+        within.append((rise < factor * near[c]).sum())
     return np.array(close), np.array(within)
 
 
 def supporters(x, y, z, cells, sectors, bins, slope, slack):
-    """Low points in the 5 x 5 cells around each that are little higher."""
-    lane, step = np.divmod(cells, bins)
-    across = np.abs(np.subtract.outer(lane, lane))
+    """Number of low points in the 5 x 5 cells around each that are at most a little higher."""
+    sector, ring = np.divmod(cells, bins)
+    across = np.abs(np.subtract.outer(sector, sector))
     around = np.minimum(across, sectors - across) <= 2
-    near = around & (np.abs(np.subtract.outer(step, step)) <= 2)
+    near = around & (np.abs(np.subtract.outer(ring, ring)) <= 2)
     np.fill_diagonal(near, False)
     flat = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y))
     return (near & (z[None, :] < z[:, None] + slack + slope * flat)).sum(axis=1)
 
 
-def lower_envelope(x, y, z, cells, sectors, bins, steepest, slack, support):
-    """The lowest of the cones that rise from all supported low points, at each low point."""
-    feet = supporters(x, y, z, cells, sectors, bins, steepest / 2, slack) >= support
+def lower_envelope(x, y, z, cells, sectors, bins, max_slope, slack, support):
+    """Height at each low point of the lowest of the cones above all supported low points."""
+    feet = supporters(x, y, z, cells, sectors, bins, max_slope / 2, slack) >= support
     flat = np.hypot(np.subtract.outer(x, x), np.subtract.outer(y, y))
-    return (z + steepest * flat)[:, feet].min(axis=1, initial=math.inf)
+    return (z + max_slope * flat)[:, feet].min(axis=1, initial=math.inf)
 
 
-def plane_score(points, weights, gates, normal, offset):
-    """Weighted share of the points on a plane, less half of those two gates beneath it."""
-    h = (points @ normal + offset) / gates
+def plane_score(points, weights, thresholds, normal, offset):
+    """Weighted fraction of the points on a plane, less half of those two thresholds below it."""
+    h = (points @ normal + offset) / thresholds
     return float(np.where(np.abs(h) < 1, weights * (1 - h**2), -0.5 * weights * (h < -2)).sum())
 
 
-def biweight_plane(points, weights, gates, reach, normal, offset):
-    """Normal and offset of the weighted least squares plane of the points near another."""
-    h = (points @ normal + offset) / (reach * gates)
-    w = weights * np.where(np.abs(h) < 1, (1 - h**2) ** 2, 0.0) / gates**2
+def biweight_plane(points, weights, thresholds, factor, normal, offset):
+    """Normal and offset of the weighted least-squares plane of the points near a plane."""
+    h = (points @ normal + offset) / (factor * thresholds)
+    w = weights * np.where(np.abs(h) < 1, (1 - h**2) ** 2, 0.0) / thresholds**2
     mean = w @ points / w.sum()
     _, _, axes = np.linalg.svd(np.sqrt(w)[:, None] * (points - mean))
     up = axes[2] * np.sign(axes[2, 2])
@@ -61,46 +61,48 @@ def biweight_plane(points, weights, gates, reach, normal, offset):
 
 
 def ridge_plane(points, prior, prior_weight, slope_weight):
-    """(h, gx, gy) at the centre of `prior`, least squares with the prior as further rows."""
+    """(h, gx, gy) at the centre of `prior` by least squares, with the prior as additional rows."""
     d = points[:, :2] - prior[3:5]
     rows = np.vstack([
         np.column_stack([np.ones(len(d)), d]),
         np.diag(np.sqrt([prior_weight, slope_weight, slope_weight])),
     ])  # fmt: skip
-    wanted = np.concatenate([points[:, 2], rows[len(d) :] @ prior[:3]])
-    return np.linalg.lstsq(rows, wanted, rcond=None)[0]
+    values = np.concatenate([points[:, 2], rows[len(d) :] @ prior[:3]])
+    return np.linalg.lstsq(rows, values, rcond=None)[0]
 
 
-def fit_patch(points, gates, gate, prior, prior_weight, slope_weight):
-    """Three rounds of the ridge plane; (count, as predicted, rms, plane, radius)."""
+def fit_patch(points, thresholds, threshold, prior, prior_weight, slope_weight):
+    """Three iterations of the ridge plane: (inliers, predicted inliers, rms, plane, radius)."""
     d = points[:, :2] - prior[3:5]
     design = np.column_stack([np.ones(len(d)), d])
     plane = prior[:3]
     for widening in (1.0, 0.5, 0.0):
-        near = np.abs(points[:, 2] - design @ plane) < gate + widening * (gates - gate)
+        near = np.abs(points[:, 2] - design @ plane) < threshold + widening * (
+            thresholds - threshold
+        )
         plane = ridge_plane(points[near], prior, prior_weight, slope_weight)
-    gap = points[:, 2] - design @ plane
-    on = np.abs(gap) < gate
+    residual = points[:, 2] - design @ plane
+    on = np.abs(residual) < threshold
     if not on.any():
         return 0, 0, 0.0, None, None
-    predicted = on & (np.abs(points[:, 2] - design @ prior[:3]) < gate)
+    predicted = on & (np.abs(points[:, 2] - design @ prior[:3]) < threshold)
     radius = math.sqrt(2 * (d[on] ** 2).sum(axis=1).mean())
-    return int(on.sum()), int(predicted.sum()), math.sqrt((gap[on] ** 2).mean()), plane, radius
+    return int(on.sum()), int(predicted.sum()), math.sqrt((residual[on] ** 2).mean()), plane, radius
 
 
-def neighbours(p, sectors, rings, reach):
-    """Patches of the sectors next to that of p, `reach` rings in and out."""
-    lane, ring = divmod(p, rings)
-    inner, outer = max(ring - reach, 0), min(ring + reach, rings - 1)
+def neighbours(p, sectors, rings, max_rings):
+    """Patches in the sectors next to that of p, at most `max_rings` rings away."""
+    sector, ring = divmod(p, rings)
+    inner, outer = max(ring - max_rings, 0), min(ring + max_rings, rings - 1)
     return [
-        (lane + across) % sectors * rings + k
+        (sector + across) % sectors * rings + k
         for across in (-1, 0, 1)
         for k in range(inner, outer + 1)
     ]
 
 
 def prediction(p, patches, accepted, sectors, rings):
-    """The plane that accepted patches around predict at the centre of p, or None."""
+    """Plane predicted at the centre of p by the accepted patches around it, or None."""
     around = [q for q in neighbours(p, sectors, rings, 2) if accepted[q]]
     if not around:
         return None
@@ -113,7 +115,7 @@ def prediction(p, patches, accepted, sectors, rings):
 
 
 def base_height(point, own, patches, accepted, sectors, rings):
-    """Blend of the planes of the accepted patches around a point; NaN for none."""
+    """Weighted mean of the planes of the accepted patches around a point; NaN for none."""
     around = [q for q in neighbours(own, sectors, rings, 1) if accepted[q]]
     if not around:
         return math.nan
@@ -123,12 +125,12 @@ def base_height(point, own, patches, accepted, sectors, rings):
 
 
 def grown_patches(
-    points, members, start, occupied, sectors, rings, gate, gate_slope, prior_weight,
+    points, members, start, occupied, sectors, rings, threshold, threshold_slope, prior_weight,
     slope_weight, roughness,
 ):  # fmt: skip
-    """The coarse ground: sweeps over all patches until none joins, then lower levels, and again.
+    """Coarse ground by sweeps over all patches until none joins, alternating with lower levels.
 
-    `members` holds the rows of the low points of each patch.
+    `members` are the rows of the low points of each patch.
     """
     patches = np.zeros((sectors * rings, 6))
     for p, own in enumerate(members):
@@ -142,13 +144,13 @@ def grown_patches(
             if accepted[p] or len(own) < 2:
                 continue
             case = _case(p, points[own], patches, accepted, start[p], sectors, rings,
-                         sweep, sinking, gate, gate_slope)  # fmt: skip
+                         sweep, sinking, threshold, threshold_slope)  # fmt: skip
             if case is None:
                 continue
-            prior, gates = case
+            prior, thresholds = case
             weight = 1e-3 if sinking else prior_weight
             count, predicted, rms, plane, radius = fit_patch(
-                points[own], gates, gate, prior, weight, slope_weight
+                points[own], thresholds, threshold, prior, weight, slope_weight
             )
             many = count >= 2 and count >= len(own) / 2 and rms <= roughness
             firm = count >= 6 and count >= 0.6 * occupied[p] and rms <= 0.7 * roughness
@@ -163,11 +165,13 @@ def grown_patches(
         sweep += 1
 
 
-def _case(p, own, patches, accepted, start, sectors, rings, sweep, sinking, gate, gate_slope):
-    """Prior and first gates of a patch that may join now, or None."""
+def _case(
+    p, own, patches, accepted, start, sectors, rings, sweep, sinking, threshold, threshold_slope
+):
+    """Prior and initial thresholds of a patch that may join now, or None."""
     centre = patches[p, 3:5]
     if sweep == 0:
-        return (np.array([0, 0, 0, *centre, 0]), np.full(len(own), gate)) if start else None
+        return (np.array([0, 0, 0, *centre, 0]), np.full(len(own), threshold)) if start else None
     if not sinking:
         prior = prediction(p, patches, accepted, sectors, rings)
         if prior is None:
@@ -175,16 +179,16 @@ def _case(p, own, patches, accepted, start, sectors, rings, sweep, sinking, gate
         around = [q for q in neighbours(p, sectors, rings, 2) if accepted[q]]
         away = np.linalg.norm(own[:, None, :2] - patches[around, 3:5], axis=2)
         away = np.maximum((away - patches[around, 5]).min(axis=1), 0)
-        return prior, gate + gate_slope * away
+        return prior, threshold + threshold_slope * away
     mean = own[:, 2].mean()
-    lane, ring = divmod(p, rings)
+    sector, ring = divmod(p, rings)
     for inner in range(ring - 1, -1, -1):
         for across in (0, -1, 1):
-            q = (lane + across) % sectors * rings + inner
+            q = (sector + across) % sectors * rings + inner
             if accepted[q]:
                 drop = patches[q, 0] - mean
                 near = np.linalg.norm(centre - patches[q, 3:5])
-                if len(own) >= 6 and gate < drop < near:
+                if len(own) >= 6 and threshold < drop < near:
                     return np.array([mean, 0, 0, *centre, 0]), np.full(len(own), 1e9)
                 return None
     return None

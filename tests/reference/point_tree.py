@@ -1,4 +1,4 @@
-"""Nearest points by all distances."""
+"""Nearest neighbours from all distances."""
 
 import numpy as np
 
@@ -8,8 +8,9 @@ def distances(points, queries):
     return np.linalg.norm(queries[:, None] - points[None], axis=2)
 
 
-def nearest(points, queries, limit=np.inf):
-    """Row of and distance to the nearest point; -1 and Inf where none is nearer than `limit`."""
+def nearest(points, queries, max_distance=np.inf):
+    """Row of and distance to the nearest point nearer than `max_distance`; else -1 and Inf."""
     every = distances(points, queries)
-    rows, least = np.argmin(every, axis=1), every.min(axis=1)
-    return np.where(least < limit, rows, -1), np.where(least < limit, least, np.inf)
+    rows, minimum = np.argmin(every, axis=1), every.min(axis=1)
+    is_near = minimum < max_distance
+    return np.where(is_near, rows, -1), np.where(is_near, minimum, np.inf)

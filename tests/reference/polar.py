@@ -1,10 +1,10 @@
-"""Polar cells point by point, from the definition."""
+"""Polar cells by their definition, point by point."""
 
 import math
 
 
 def edges(max_range, first_width, growth):
-    """Ranges between bins: widths multiply by `growth`, and the last bin ends at `max_range`."""
+    """Edges of bins whose widths grow by a factor; the last edge is `max_range`."""
     ranges = [0.0]
     width = first_width
     while ranges[-1] + width < max_range * (1 - 1e-9):
@@ -14,7 +14,7 @@ def edges(max_range, first_width, growth):
 
 
 def cell(x, y, sectors, ranges):
-    """The cell of one point: the bin whose half-open range and the sector whose arc holds it."""
+    """Cell of a point: its half-open range bin in its sector."""
     distance = math.sqrt(x * x + y * y)
     bins = len(ranges) - 1
     for b in range(bins):
@@ -24,13 +24,13 @@ def cell(x, y, sectors, ranges):
 
 
 def sector(x, y, sectors):
-    """The arc that holds the azimuth, counted in turns in [0, 1) from x towards y."""
+    """Sector that contains the azimuth, counted from x towards y."""
     turns = math.atan2(y, x) / (2 * math.pi)
     arc = math.floor(turns * sectors)
     return arc + sectors if arc < 0 else arc
 
 
 def distance_to_sector_edge(x, y, sectors):
-    """How far the azimuth is from the nearest edge between sectors, in sectors."""
-    place = math.atan2(y, x) / (2 * math.pi) * sectors
-    return abs(place - round(place))
+    """Distance of the azimuth from the nearest edge between sectors, in sectors."""
+    position = math.atan2(y, x) / (2 * math.pi) * sectors
+    return abs(position - round(position))

@@ -1,4 +1,4 @@
-"""Random Gaussians and scenes with a known pose, the same for every run."""
+"""Random Gaussians, poses and scans of a known scene, the same in every run."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ NOISE = 0.02
 
 
 def turned_covariances(rng, variances):
-    """One covariance with each row of principal variances, along random axes."""
-    turns = [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in variances]
-    axes = np.array(turns).reshape(-1, 3, 3)
+    """Covariances with the given principal variances by row, along random axes."""
+    rotations = [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in variances]
+    axes = np.array(rotations).reshape(-1, 3, 3)
     full = np.einsum("kia,ka,kja->kij", axes, variances, axes)
     return 0.5 * (full + full.transpose(0, 2, 1))
 
 
 def gaussians(rng, count, *, spread=10.0, least=0.1, most=2.0):
-    """Gaussians with log-uniform deviations, scattered over a cube."""
+    """Gaussians with log-uniform deviations and uniform means in a cube."""
     deviations = np.exp(rng.uniform(np.log(least), np.log(most), (count, 3)))
     return Gaussians.from_covariances(
         rng.uniform(-spread, spread, (count, 3)),
@@ -29,15 +29,15 @@ def gaussians(rng, count, *, spread=10.0, least=0.1, most=2.0):
 
 
 def yaw_pose(angle, translation):
-    """A turn about z [rad] followed by a shift [m]."""
+    """Rotation about z [rad] followed by a translation [m]."""
     return Pose.from_step(np.array([*translation, 0.0, 0.0, angle]))
 
 
 def street(seed, count=6000, layout=42):
-    """A scan from the middle of a world of boxes, poles and flat ground, sampled anew by seed.
+    """Scan from the centre of a scene of boxes, poles and flat ground.
 
-    No sensor pattern and no shadows: each surface is sampled evenly, with noise of 2 cm, so
-    that two seeds are two looks at one world from one place; another layout is another world.
+    Each surface is sampled uniformly with noise of 2 cm, without sensor pattern or occlusion. Two
+    seeds give two scans of a scene from one position; another layout gives another scene.
     """
     layout = np.random.default_rng(layout)
     rng = np.random.default_rng(seed)

@@ -1,10 +1,10 @@
-"""Nearest points by a walk over edges, as the words say it."""
+"""Nearest neighbours by a walk along edges, by its definition."""
 
 import numpy as np
 
 
 def nearest_vertex(points, edges, query, entry):
-    """The vertex where no neighbour is nearer; `edges` maps a vertex to its neighbours."""
+    """Vertex without a nearer neighbour, and its distance; `edges` are lists of neighbours."""
     vertex = entry
     while True:
         ring = [vertex, *edges[vertex]]

@@ -12,7 +12,7 @@ from scanlock import errors
         (errors.MissingExtra, ImportError),
     ],
 )
-def test_each_error_is_also_the_builtin_that_callers_expect(kind, builtin):
+def test_each_error_is_also_the_expected_builtin(kind, builtin):
     assert issubclass(kind, errors.ScanlockError)
     assert issubclass(kind, builtin)
 
@@ -29,12 +29,12 @@ def test_a_value_that_is_not_positive_is_named_with_its_unit(value):
 
 
 @pytest.mark.parametrize("value", [3, 3.0, 1e9])
-def test_values_at_or_above_the_least_pass(value):
+def test_values_at_or_above_the_minimum_pass(value):
     errors.require_at_least("growth", value, 3)
 
 
 @pytest.mark.parametrize("value", [2.999, float("nan"), float("inf"), None])
-def test_a_value_below_the_least_is_named_with_both(value):
+def test_a_value_below_the_minimum_is_named_with_both(value):
     message = f"^range must be at least 3 m, got {value} m$"
     with pytest.raises(errors.InvalidInput, match=message):
         errors.require_at_least("range", value, 3, unit="m")
@@ -46,7 +46,7 @@ def test_whole_numbers_pass_as_counts(value):
 
 
 @pytest.mark.parametrize("value", [2, -1, 3.0, 3.5, np.float64(4), "4", None])
-def test_a_count_is_whole_and_not_below_the_least(value):
+def test_a_count_is_whole_and_not_below_the_minimum(value):
     with pytest.raises(errors.InvalidInput, match="sectors must be a whole number of at least 3"):
         errors.require_count("sectors", value, 3)
 
@@ -57,6 +57,6 @@ def test_fractions_pass(value):
 
 
 @pytest.mark.parametrize("value", [-1e-12, 1.0000001, float("nan"), float("inf"), "half"])
-def test_a_value_outside_zero_to_one_is_no_fraction(value):
+def test_a_value_outside_zero_to_one_is_not_a_fraction(value):
     with pytest.raises(errors.InvalidInput, match="overlap must lie between 0 and 1"):
         errors.require_fraction("overlap", value)

@@ -20,12 +20,12 @@ def _return_and_raise(*_, depth=1, **__):
 
 
 @pytest.mark.parametrize("depth", [1, 2])
-def test_what_numba_makes_of_an_interrupt_is_one(depth):
+def test_a_system_error_caused_by_an_interrupt_becomes_the_interrupt(depth):
     with pytest.raises(KeyboardInterrupt, match="pressed"), plain_interrupts():
         _return_and_raise(depth=depth)
 
 
-def test_other_faults_of_the_system_are_no_interrupts():
+def test_other_system_errors_are_raised_unchanged():
     with pytest.raises(SystemError, match="fault"), plain_interrupts():
         raise SystemError("fault") from ValueError("bad")
 
@@ -39,13 +39,13 @@ def test_other_faults_of_the_system_are_no_interrupts():
     ],
     ids=["register", "prepare", "segment"],
 )
-def test_the_front_doors_raise_interrupts_as_such(monkeypatch, call):
+def test_public_functions_raise_interrupts_unchanged(monkeypatch, call):
     monkeypatch.setattr("scanlock.clouds.point_cloud.PointCloud.from_array", _return_and_raise)
     with pytest.raises(KeyboardInterrupt, match="pressed"):
         call()
 
 
-def test_the_front_doors_keep_their_signatures():
+def test_public_functions_keep_their_signatures():
     assert list(inspect.signature(scanlock.register).parameters)[:3] == [
         "source", "target", "method",
     ]  # fmt: skip

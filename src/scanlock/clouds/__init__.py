@@ -1,1 +1,1 @@
-"""Point clouds and the grids laid over them."""
+"""Point clouds, grids and nearest-neighbour searches."""

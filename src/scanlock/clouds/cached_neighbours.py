@@ -1,22 +1,27 @@
-"""Nearest points of queries that move little from one search to the next."""
+"""Nearest-neighbour search with a cache for queries that move little between searches."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector, read_only
-from scanlock.clouds.neighbours import ClosestPoints
+from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_tree import PointTree
 from scanlock.kernels.points.point_tree import kept_nearest_rows
 
 
 @dataclass(slots=True, eq=False)
 class CachedNeighbours:
-    """The points of a tree, searched again and again for queries that move a little each time.
+    """Repeated nearest-neighbour search in a tree for slowly moving queries.
 
-    The answers are those of the tree. Each search also finds how near any other point may be, and
-    by the triangle inequality most queries keep their nearest point without a search, once they
-    move by less than the points are apart.
+    The results are those of the tree. Each search also bounds the distance to all other points. By
+    the triangle inequality, a query that has moved by less than the bound allows keeps its
+    neighbour without a search.
+
+    Attributes
+    ----------
+    tree : PointTree
+        Tree of the points.
     """
 
     tree: PointTree
@@ -27,13 +32,13 @@ class CachedNeighbours:
 
     @property
     def points(self) -> Points:
-        """(n, 3) the points [m], in the rows that a search answers."""
+        """(n, 3) points [m]; searches return their rows."""
         return self.tree.points
 
-    def nearest(self, queries: Points, limit: float = np.inf) -> tuple[Labels, Vector]:
-        """Return the row of the point nearest to each of (m, 3) queries, and the distance.
+    def nearest(self, queries: Points, max_distance: float = np.inf) -> tuple[Labels, Vector]:
+        """Find the nearest neighbour of each query; see `PointTree.nearest`.
 
-        As `PointTree.nearest`; query i is taken for what query i of the last search has become.
+        Query i is expected close to query i of the previous search.
         """
         if len(queries) != len(self._rows):
             self._anchors = np.array(queries, np.float64, order="C")
@@ -41,12 +46,12 @@ class CachedNeighbours:
             self._bounds = np.full(len(queries), -np.inf)
         tree = self.tree
         rows, distances, self._typical = kept_nearest_rows(
-            tree.points, tree.axes, tree.places, read_only(queries), float(limit),
-            self._typical, self._anchors, self._rows, self._bounds,
+            tree.points, tree.split_axes, tree.split_values, read_only(queries),
+            float(max_distance), self._typical, self._anchors, self._rows, self._bounds,
         )  # fmt: skip
         return rows, distances
 
 
-def cached_neighbours(closest: ClosestPoints) -> ClosestPoints:
-    """Return the same points to be searched for queries that move little, where that is faster."""
-    return CachedNeighbours(closest) if isinstance(closest, PointTree) else closest
+def cached_neighbours(search: NearestNeighbours) -> NearestNeighbours:
+    """Return the search with a cache where that is faster: for a tree."""
+    return CachedNeighbours(search) if isinstance(search, PointTree) else search

@@ -1,4 +1,4 @@
-"""The points of a cloud sorted by the cube they lie in, to look around a place without a tree."""
+"""Cell list: points sorted by the voxel that contains them, for searches within a radius."""
 
 from dataclasses import dataclass
 
@@ -12,36 +12,53 @@ from scanlock.kernels.points.neighbourhood_sums import sorted_by_cube, sums_near
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellList:
-    """Points by cube.
+    """Points sorted by voxel; build with `of_points`.
 
     Attributes
     ----------
     points : (n, 3) [m]
-        Sorted by the slots that their cubes fall in.
+        Points, sorted by the hash slots of their voxels.
     starts : (s + 1,) int32
-        The first row of each slot.
-    edge : float [m]
-        Side of the cubes; about twice the radius of the balls that are looked at most.
+        Slot i has the points ``starts[i]:starts[i + 1]``.
+    voxel_size : float [m]
+        Side of the voxels; about twice the search radius is fastest.
+
+    Raises
+    ------
+    InvalidInput
+        `voxel_size` is not positive.
     """
 
     points: Points
     starts: NDArray[np.int32]
-    edge: float
+    voxel_size: float
 
     def __post_init__(self) -> None:
-        require_positive("edge", self.edge, unit="m")
+        require_positive("voxel_size", self.voxel_size, unit="m")
         frozen(self.points)
         frozen(self.starts)
 
     @classmethod
-    def of_points(cls, points: Points, edge: float) -> "CellList":
-        """Return the list of (n, 3) points [m]."""
-        require_positive("edge", edge, unit="m")
-        return cls(*sorted_by_cube(points, float(edge)), float(edge))
+    def of_points(cls, points: Points, voxel_size: float) -> "CellList":
+        """Sort (n, 3) points [m] by voxels of side `voxel_size` [m]."""
+        require_positive("voxel_size", voxel_size, unit="m")
+        return cls(*sorted_by_cube(points, float(voxel_size)), float(voxel_size))
 
-    def sums_near(self, places: Points, radius: float) -> Matrix:
-        """Return (m, 10) sums over the points nearer than `radius` [m] to each of (m, 3) places.
+    def sums_near(self, queries: Points, radius: float) -> Matrix:
+        """Return sums over the points within a radius of each query.
 
-        Of the offsets d from the place: how many, ``d``, and the upper triangle of ``d d'``.
+        Parameters
+        ----------
+        queries : (m, 3) [m]
+            Query points.
+        radius : float [m]
+            Search radius; points at exactly this distance are not included.
+
+        Returns
+        -------
+        (m, 10)
+            For the offsets d from the query: their number, the sum of d [m], and the upper
+            triangle of the sum of ``d d'`` [m^2].
         """
-        return sums_near(self.points, self.starts, self.edge, read_only(places), float(radius))
+        queries = read_only(queries)
+        return sums_near(self.points, self.starts, self.voxel_size, queries, float(radius))

@@ -1,4 +1,4 @@
-"""How far it is to the nearest point, precomputed on a grid: one look-up a query."""
+"""Truncated distance field: distances to the nearest point, precomputed on a voxel grid."""
 
 from dataclasses import dataclass
 
@@ -8,29 +8,32 @@ from numpy.typing import NDArray
 from scanlock.arrays import Points, Vector, frozen
 from scanlock.errors import InvalidInput, require_positive
 
-_FARTHEST = 80.0
-"""Points farther than this from the median of all are left out [m]: strays would size the grid."""
+_MAX_EXTENT = 80.0
+"""Distance from the median along an axis beyond which points are left out [m].
+
+Outliers would otherwise determine the size of the grid.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceField:
-    """Distances to the nearest of some points, at most `truncation`; build with `from_points`.
+    """Truncated distances to the nearest point on a voxel grid; build with `from_points`.
 
     Attributes
     ----------
     distances : (a, b, c) [m]
-        From the middle of each cube to the middle of the nearest cube that holds a point.
+        Distance from the centre of each voxel to the centre of the nearest occupied voxel.
     corner : (3,) [m]
-        Of the first cube.
-    width : float [m]
-        Side of a cube.
+        Lowest corner of the voxel (0, 0, 0).
+    voxel_size : float [m]
+        Side of a voxel.
     truncation : float [m]
-        No distance is larger, and none is known beyond the grid.
+        Largest distance; also the distance of queries outside the grid.
     """
 
     distances: NDArray[np.float64]
     corner: Vector
-    width: float
+    voxel_size: float
     truncation: float
 
     def __post_init__(self) -> None:
@@ -38,26 +41,42 @@ class DistanceField:
             frozen(array)
 
     @classmethod
-    def from_points(cls, points: Points, width: float, truncation: float) -> "DistanceField":
-        """Return the field of (n, 3) points, in cubes of side `width` [m]."""
+    def from_points(cls, points: Points, voxel_size: float, truncation: float) -> "DistanceField":
+        """Compute the distance field of points.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+            Points.
+        voxel_size : float [m]
+            Side of the voxels.
+        truncation : float [m]
+            Largest distance.
+
+        Raises
+        ------
+        InvalidInput
+            No point, or a voxel size or truncation that is not positive.
+        """
         from scipy.ndimage import distance_transform_edt
 
-        require_positive("width", width, unit="m")
+        require_positive("voxel_size", voxel_size, unit="m")
         require_positive("truncation", truncation, unit="m")
         if len(points) == 0:
-            raise InvalidInput("points must hold at least one point, got none")
-        near = points[(np.abs(points - np.median(points, axis=0)) <= _FARTHEST).all(axis=1)]
+            raise InvalidInput("points must contain at least one point, got none")
+        near = points[(np.abs(points - np.median(points, axis=0)) <= _MAX_EXTENT).all(axis=1)]
         corner = near.min(axis=0) - truncation
-        shape = np.floor((near.max(axis=0) + truncation - corner) / width).astype(np.int64) + 1
+        extent = near.max(axis=0) + truncation - corner
+        shape = np.floor(extent / voxel_size).astype(np.int64) + 1
         is_free = np.ones(shape, np.bool_)
-        is_free[tuple(np.floor((near - corner) / width).astype(np.int64).T)] = False
-        distances = np.asarray(distance_transform_edt(is_free, sampling=width), np.float64)
-        return cls(np.minimum(distances, truncation), corner, float(width), float(truncation))
+        is_free[tuple(np.floor((near - corner) / voxel_size).astype(np.int64).T)] = False
+        distances = np.asarray(distance_transform_edt(is_free, sampling=voxel_size), np.float64)
+        return cls(np.minimum(distances, truncation), corner, float(voxel_size), float(truncation))
 
     def at(self, queries: Points) -> Vector:
-        """Return the (m,) distance [m] of each query, good to about the width."""
-        cells = np.floor((queries - self.corner) / self.width).astype(np.int64)
-        is_inside = ((cells >= 0) & (cells < self.distances.shape)).all(axis=1)
-        found = np.full(len(queries), self.truncation)
-        found[is_inside] = self.distances[tuple(cells[is_inside].T)]
-        return found
+        """Return the (m,) distances [m] of (m, 3) queries, accurate to about a voxel."""
+        indices = np.floor((queries - self.corner) / self.voxel_size).astype(np.int64)
+        is_inside = ((indices >= 0) & (indices < self.distances.shape)).all(axis=1)
+        distances = np.full(len(queries), self.truncation)
+        distances[is_inside] = self.distances[tuple(indices[is_inside].T)]
+        return distances

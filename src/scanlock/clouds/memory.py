@@ -1,17 +1,17 @@
-"""Arrays that come and go with every scan, without asking the system for fresh memory each time."""
+"""Reuse of freed memory for the arrays of consecutive scans."""
 
 import numpy as np
 
-_LARGEST = 1 << 24
-"""Arrays of fewer bytes than this are made of memory that was used before."""
+_MAX_BYTES = 1 << 24
+"""Size below which freed arrays are reused."""
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep what arrays of up to 16 MB free, for those that come next.
+    """Make the C library of GNU reuse the freed memory of arrays of up to 16 MB.
 
-    The library of GNU hands out a large array as fresh pages and gives them back as soon as it is
-    freed; the first touch of each page then costs more than the arithmetic on it, a tenth to a
-    quarter of the time of a scan. It stops doing so for sizes that it has once seen freed. No page
-    of this one is ever touched, so it costs nothing; elsewhere it has no effect.
+    By default it requests fresh pages for a large array and returns them when the array is freed.
+    The first access to each page then costs 10 to 25 % of the time of a scan. It stops returning
+    them for sizes that it has seen freed once. This function frees one array whose pages are never
+    accessed, at no cost; with other C libraries it has no effect.
     """
-    np.empty(_LARGEST, np.uint8)
+    np.empty(_MAX_BYTES, np.uint8)

@@ -1,7 +1,7 @@
-"""Ways to find closest points, behind one protocol: a k-d tree, or a Delaunay tessellation.
+"""Nearest-neighbour searches: a k-d tree or a Delaunay tessellation behind one protocol.
 
-Madhavan and Messina 2003 tessellate the model and search the tessellation; they name k-d trees as
-the faster way. Both find the same distances, and `PointTree` finds them several times as fast.
+Madhavan and Messina 2003 search a tessellation of the model and name k-d trees as the faster
+alternative. Both give the same distances; `PointTree` is several times as fast.
 """
 
 from dataclasses import dataclass
@@ -15,27 +15,34 @@ from scanlock.errors import InvalidInput
 from scanlock.kernels.points.tessellation import nearest_vertices
 
 Search = Literal["k-d tree", "delaunay"]
-"""How closest points are looked for; the answers are the same."""
+"""Data structure of a nearest-neighbour search; the results are the same."""
 
 
-class ClosestPoints(Protocol):
-    """Points that can be searched."""
+class NearestNeighbours(Protocol):
+    """Nearest-neighbour search in a fixed set of points."""
 
     @property
     def points(self) -> Points:
-        """(n, 3) the points [m], in the rows that a search answers."""
+        """(n, 3) points [m]; searches return their rows."""
         ...
 
-    def nearest(self, queries: Points, limit: float = np.inf) -> tuple[Labels, Vector]:
-        """Return the row of the point nearest to each of (m, 3) queries, and the distance [m].
+    def nearest(self, queries: Points, max_distance: float = np.inf) -> tuple[Labels, Vector]:
+        """Find the nearest neighbour of each of (m, 3) queries [m].
 
-        Points `limit` [m] away or farther do not count: -1 and Inf where no other is.
+        Returns its (m,) row and the (m,) distance [m]: -1 and infinity where no point is nearer
+        than `max_distance` [m].
         """
         ...
 
 
-def closest_points(tree: PointTree, search: Search) -> ClosestPoints:
-    """Return the points of a tree, to be searched one way or the other, in the same rows."""
+def nearest_neighbours(tree: PointTree, search: Search) -> NearestNeighbours:
+    """Return a search in the points of a tree, with the rows of the tree.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown `search`.
+    """
     if search == "k-d tree":
         return tree
     if search == "delaunay":
@@ -45,23 +52,23 @@ def closest_points(tree: PointTree, search: Search) -> ClosestPoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tessellation:
-    """The edges of the Delaunay tessellation of points; build one with `from_points`.
+    """Edges of the Delaunay tessellation of points; build with `from_points`.
 
     Attributes
     ----------
     points : (n, 3) [m]
+        Points.
     starts : (n + 1,)
-        The neighbours of point i are ``neighbours[starts[i]:starts[i + 1]]``.
+        Point i has the neighbours ``neighbours[starts[i]:starts[i + 1]]``.
     neighbours : (e,)
-        Rows of points that share an edge.
+        Rows of the points that share an edge.
     entry : int
-        The vertex where a search begins.
+        Vertex where the first search starts.
     left_out : (k,)
-        Rows that are no vertex, because Qhull cannot tell them from the surface of others: equal
-        points, and all points of a plane.
+        Rows that are not vertices: duplicate points, and all points of a planar cloud.
     rest : PointTree or None
-        Those rows. They are searched besides, so the answer is exact whatever the points; the
-        input is never joggled.
+        Tree of the points that are not vertices. It is searched as well, so that the result is
+        exact for any points.
     """
 
     points: Points
@@ -77,7 +84,7 @@ class Tessellation:
 
     @classmethod
     def from_points(cls, points: Points) -> "Tessellation":
-        """Return the tessellation of finite (n, 3) points.
+        """Compute the tessellation of finite (n, 3) points [m].
 
         Raises
         ------
@@ -85,7 +92,7 @@ class Tessellation:
             No point.
         """
         if len(points) == 0:
-            raise InvalidInput("points must hold at least one point, got none")
+            raise InvalidInput("points must contain at least one point, got none")
         starts, neighbours = _edges(points)
         left_out = np.flatnonzero(np.diff(starts) == 0)
         entry = int(np.argmax(np.diff(starts)))
@@ -95,27 +102,33 @@ class Tessellation:
     def __len__(self) -> int:
         return len(self.points)
 
-    def nearest(self, queries: Points, limit: float = np.inf) -> tuple[Labels, Vector]:
-        """Return the row of the point nearest to each of (m, 3) queries, and the distance.
+    def nearest(self, queries: Points, max_distance: float = np.inf) -> tuple[Labels, Vector]:
+        """Find the nearest neighbour of each query by a walk along the edges.
 
         Parameters
         ----------
         queries : (m, 3) [m]
-            Fastest where queries that follow each other lie near each other.
-        limit : float [m]
-            Points this far away or farther do not count: the row is then -1 and the distance
-            infinite.
+            Query points; the search is fastest when consecutive ones are close to each other.
+        max_distance : float [m]
+            Distance below which a neighbour is accepted.
+
+        Returns
+        -------
+        rows : (m,)
+            Row of the nearest point; -1 without a neighbour.
+        distances : (m,) [m]
+            Distance to it; infinite without a neighbour.
         """
         queries = read_only(queries)
         rows, distances = nearest_vertices(
             self.points, self.starts, self.neighbours, queries, self.entry
         )
         if self.rest is not None:
-            others, gaps = self.rest.nearest(queries)
-            is_nearer = gaps < distances
-            rows[is_nearer] = self.left_out[self.rest.rows[others[is_nearer]]]
-            distances[is_nearer] = gaps[is_nearer]
-        beyond = distances >= limit
+            rest_rows, rest_distances = self.rest.nearest(queries)
+            is_nearer = rest_distances < distances
+            rows[is_nearer] = self.left_out[self.rest.rows[rest_rows[is_nearer]]]
+            distances[is_nearer] = rest_distances[is_nearer]
+        beyond = distances >= max_distance
         rows[beyond], distances[beyond] = -1, np.inf
         return rows, distances
 
@@ -124,12 +137,11 @@ class Tessellation:
 
 
 def _edges(points: Points) -> tuple[Labels, Labels]:
-    """Return the edges of the tessellation by vertex; none where the points hold no volume."""
+    """Return the edges of the tessellation by vertex; none for coplanar points."""
     from scipy.spatial import Delaunay, QhullError
 
     try:
-        # About their middle, for Qhull lifts points by their squares and far from zero those
-        # have no digits left.
+        # Centred: Qhull squares the coordinates, which loses all digits far from the origin.
         starts, neighbours = Delaunay(points - np.median(points, axis=0)).vertex_neighbor_vertices
     except (QhullError, ValueError):
         # Fewer than five points, or all in one plane.

@@ -1,9 +1,9 @@
-"""The one gate that points pass: shape, finiteness, type and precision are settled here."""
+"""Validated point clouds: shape, type, finiteness and precision are checked once, here."""
 
 import os
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,46 +12,53 @@ from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.memory import keep_freed_memory
 from scanlock.errors import InvalidInput
 
-# Here, since whatever works on scans has passed this gate.
-keep_freed_memory()
+_MAX_LOCAL = 120.0
+"""Median coordinate [m] beyond which points are recentred.
 
-_LOCAL_LIMIT = 120.0
-"""Median distance from zero [m] beyond which coordinates are recentred.
-
-The points of a sensor's frame lie around it, so these coordinates are of a map: no polar grid
-about zero reaches them, and millions of metres would cost digits in every product.
+Such coordinates are those of a map, since a sensor frame is centred on the scan. No polar grid
+about the origin reaches them, and millions of metres cost digits in every product.
 """
 
-_FARTHEST = 1e12
-"""Coordinates beyond this [m] are no places but garbage, and count as not finite.
+_MAX_COORDINATE = 1e12
+"""Largest valid coordinate [m]; larger ones count as not finite.
 
-Map projections stay below 1e8 m, 1e11 when written in millimetres; grids laid over 1e300 m
-would overflow their integers without a word.
+Map projections stay below 1e8 m, or 1e11 in millimetres. Grid indices of much larger coordinates
+would overflow silently.
 """
 
-_FEW_ROWS, _MANY_COLUMNS = 4, 64
-"""An array so low and so wide holds points in its columns."""
+_MAX_TRANSPOSED_ROWS, _MIN_TRANSPOSED_COLUMNS = 4, 64
+"""An array with at most so many rows and at least so many columns has a point in each column."""
+
+
+class HasPoints(Protocol):
+    """Point cloud of another library, such as Open3D."""
+
+    @property
+    def points(self) -> Any:
+        """(n, 3) points [m], convertible by ``numpy.asarray``."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
 class PointCloud:
-    """Finite points in local coordinates, with the way back to the caller's rows and frame.
+    """Finite points in local coordinates, with their input rows and the origin of their frame.
 
-    Build one with `PointCloud.from_array`; the constructor expects checked parts.
+    Build with `PointCloud.from_array`; the constructor checks nothing.
 
     Attributes
     ----------
     points : (n, 3) [m]
-        C-contiguous float64 and read-only; ``points + origin`` are the caller's coordinates.
+        Read-only, C-contiguous float64 points; ``points + origin`` are the input coordinates.
     origin : (3,) [m]
-        Zero for sensor frames; whole metres amid the cloud for map-projection coordinates.
+        Origin of the local frame in input coordinates: zero for sensor frames, whole metres near
+        the median of the points for map coordinates.
     rows : (n,)
-        The row of the caller's array that each point came from.
+        Row of the input array of each point.
     input_count : int
-        Rows of the caller's array; ``input_count - len(points)`` of them were left out.
+        Number of rows of the input array.
     rounding : float [m]
-        What the caller's coordinates were rounded to before they came here, where that can be
-        told: half a metre for single precision at five million metres. 0 for sensor frames.
+        Estimated rounding of map coordinates: 0.5 m for single precision at 5000 km. Zero for
+        sensor frames.
     """
 
     points: Points
@@ -65,21 +72,30 @@ class PointCloud:
             frozen(array)
 
     @classmethod
-    def from_array(cls, array: "ArrayLike | PointCloud", name: str = "points") -> "PointCloud":
-        """Return the cloud of an (n, 3+) array; columns past the third are ignored.
+    def from_array(
+        cls, array: "ArrayLike | HasPoints | PointCloud", name: str = "points"
+    ) -> "PointCloud":
+        """Build a cloud from an array of points.
 
-        Rows with NaN, Inf, masked entries or more than 1e12 m in their coordinates are left out
-        and counted.
-        The array is copied if and only if it is not already C-contiguous (n, 3) float64, and
-        never written to; while the cloud is in use, do not write to it either.
+        Rows with NaN, Inf, masked entries or coordinates beyond 1e12 m are dropped and counted.
+
+        Parameters
+        ----------
+        array : (n, 3+) array, object with one as its attribute ``points``, or PointCloud [m]
+            Points, for example of an Open3D cloud; columns past the third are ignored. A
+            C-contiguous (n, 3) float64 array is not copied: do not write to it while the cloud is
+            in use. A cloud is returned unchanged.
+        name : str
+            Name of the argument in error messages.
 
         Raises
         ------
         InvalidInput
-            Not a real-valued (n, 3+) array, or no finite row in it; `name` says which argument.
+            Not a real-valued (n, 3+) array, or no finite row.
         """
         if isinstance(array, PointCloud):
             return array
+        _keep_freed_memory_once()
         xyz = _coordinates(array, name)
         input_count = len(xyz)
         rows = _finite_rows(xyz)
@@ -87,8 +103,8 @@ class PointCloud:
             xyz = xyz[rows]
         if len(xyz) == 0:
             raise InvalidInput(
-                f"{name} holds no finite point ({input_count} rows); check the reader or the "
-                "filter before it"
+                f"{name} holds no finite point ({input_count} rows); check the reader or filter "
+                "that produced it"
             )
         origin, rounding = _recentring(xyz), 0.0
         if origin.any():
@@ -98,26 +114,26 @@ class PointCloud:
 
     @property
     def dropped_count(self) -> int:
-        """How many rows of the caller's array held NaN, Inf or garbage."""
+        """Number of rows of the input array without finite, valid coordinates."""
         return self.input_count - len(self.points)
 
     @property
-    def spread(self) -> float:
-        """How far half of the points lie from amid them, at least [m]."""
+    def radius(self) -> float:
+        """Median distance of the points from their median, in the maximum norm [m]."""
         sample = _sample(self.points)
         return float(np.median(np.abs(sample - np.median(sample, axis=0)).max(axis=1)))
 
     @cached_property
     def centroid(self) -> Vector:
-        """(3,) mean of the points in the caller's coordinates [m]."""
-        # Column by column: NumPy takes a mean over rows of three numbers at a twentieth the speed.
+        """(3,) mean of the points in input coordinates [m]."""
+        # By column: NumPy is twenty times slower for a mean over rows of three numbers.
         return read_only(np.array([self.points[:, axis].mean() for axis in range(3)]) + self.origin)
 
     @cached_property
     def is_measured(self) -> Mask:
-        """(n,) False for points at exactly (0, 0, 0) of a sensor's frame.
+        """(n,) whether each point is a measurement; False at the origin of a sensor frame.
 
-        Such a point is no place but a driver's word for "no return".
+        Drivers write (0, 0, 0) for beams without a return.
         """
         # Here, so that who only reads scans does not load a compiler.
         from scanlock.kernels.points.rows import is_off_zero
@@ -130,7 +146,7 @@ class PointCloud:
         return len(self.points)
 
     def to_input_rows(self, values: Labels, fill: int = -1) -> Labels:
-        """Return one value for each row of the caller's array; `fill` for rows left out."""
+        """Return (n,) values as one for each row of the input array; `fill` for dropped rows."""
         full = np.full(self.input_count, fill, dtype=np.int64)
         full[self.rows] = values
         return full
@@ -145,13 +161,21 @@ class PointCloud:
         )
 
 
-def _coordinates(array: ArrayLike, name: str) -> Points:
+@cache
+def _keep_freed_memory_once() -> None:
+    keep_freed_memory()
+
+
+def _coordinates(array: ArrayLike | HasPoints, name: str) -> Points:
     if isinstance(array, (str, bytes, os.PathLike, type(None))):
         raise InvalidInput(
             f"{name} must be an (n, 3) array, got {array!r}; scanlock.io.read_scan reads files"
         )
+    points: Any = getattr(array, "points", None)
+    if points is not None and not hasattr(array, "__array__"):
+        array, name = points, f"{name}.points"
     if isinstance(array, np.ma.MaskedArray) and array.dtype.kind in "fiu":
-        # What is masked is no number, and whoever masked it does not want it used.
+        # Masked entries must not be used.
         kind = np.promote_types(array.dtype, np.float32)
         array = np.ma.filled(array.astype(kind), np.nan)
     try:
@@ -163,23 +187,28 @@ def _coordinates(array: ArrayLike, name: str) -> Points:
             f"{name} must be an (n, 3) array, got the fields {', '.join(raw.dtype.names)}; stack "
             "its coordinates: np.column_stack([a['x'], a['y'], a['z']])"
         )
+    if raw.ndim == 0 and raw.dtype.kind == "O":
+        raise InvalidInput(
+            f"{name} must be an (n, 3) array or have one as its attribute points, got "
+            f"{type(array).__name__}; convert it with np.asarray"
+        )
     if raw.ndim != 2 or raw.shape[1] < 3:
         raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
-    if len(raw) <= _FEW_ROWS and raw.shape[1] >= _MANY_COLUMNS:
+    if len(raw) <= _MAX_TRANSPOSED_ROWS and raw.shape[1] >= _MIN_TRANSPOSED_COLUMNS:
         raise InvalidInput(
-            f"{name} must hold one point a row, got shape {raw.shape}; transpose it: {name}.T"
+            f"{name} must have one point in each row, got shape {raw.shape}; transpose it: {name}.T"
         )
     if raw.dtype.kind not in "fiu":
         remedy = "; convert it: .astype(np.float64)" if raw.dtype.kind == "O" else ""
         raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}{remedy}")
-    # Extended precision may hold more than float64 can; Inf is what such rows should become.
+    # Extended precision may exceed the range of float64; such entries become Inf.
     with np.errstate(over="ignore"):
-        # The slice is an array of its own, so freezing it leaves the caller's writable. Kernels
-        # are compiled for aligned memory, which a view into a file's bytes may not be.
+        # Freezing the slice leaves the input array writable. Kernels are compiled for aligned
+        # memory, which a view into the bytes of a file may not be.
         xyz = raw[:, :3]
         if xyz.dtype == np.float64 and xyz.flags.c_contiguous and xyz.flags.aligned:
             return xyz
-        # Column by column: NumPy converts rows of three numbers at half the speed.
+        # By column: NumPy converts rows of three numbers at half the speed.
         converted = np.empty(xyz.shape, np.float64)
         for axis in range(3):
             converted[:, axis] = xyz[:, axis]
@@ -187,22 +216,21 @@ def _coordinates(array: ArrayLike, name: str) -> Points:
 
 
 def _finite_rows(xyz: Points) -> Labels:
-    # The extremes need no mask of all coordinates; where one is too large, or both are NaN, the
-    # rows are looked at one by one.
+    # The extremes need no mask of all coordinates; a mask only if one is too large or NaN.
     flat = xyz.ravel()
-    if flat.max(initial=0.0) <= _FARTHEST and flat.min(initial=0.0) >= -_FARTHEST:
+    if flat.max(initial=0.0) <= _MAX_COORDINATE and flat.min(initial=0.0) >= -_MAX_COORDINATE:
         return np.arange(len(xyz), dtype=np.int64)
-    return np.flatnonzero((np.abs(xyz) <= _FARTHEST).all(axis=1)).astype(np.int64)
+    return np.flatnonzero((np.abs(xyz) <= _MAX_COORDINATE).all(axis=1)).astype(np.int64)
 
 
 def _sample(xyz: Points) -> Points:
-    """Return a few hundred rows, which tell where a cloud lies."""
+    """Return a few hundred rows, for estimates of the position and size of a cloud."""
     return xyz[:: max(1, len(xyz) // 512)]
 
 
 def _rounding(xyz: Points) -> float:
     sample = _sample(xyz)
-    # Whoever converts to double precision late has lost the digits all the same.
+    # Single precision may have been converted to double before.
     if not np.array_equal(sample, sample.astype(np.float32)):
         return float(np.spacing(np.abs(sample).max()))
     return float(np.spacing(np.float32(np.abs(sample).max())))
@@ -211,6 +239,6 @@ def _rounding(xyz: Points) -> float:
 def _recentring(xyz: Points) -> Vector:
     # Whole metres keep the shift exact.
     centre = np.median(_sample(xyz), axis=0)
-    if np.abs(centre).max() < _LOCAL_LIMIT:
+    if np.abs(centre).max() < _MAX_LOCAL:
         return np.zeros(3)
     return np.round(centre)

@@ -1,4 +1,4 @@
-"""Nearest points: a k-d tree built once, for any number of queries."""
+"""k-d tree for nearest-neighbour searches."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,40 +15,40 @@ from scanlock.kernels.points.point_tree import (
 )
 from scanlock.kernels.points.surfaces import neighbour_covariances
 
-_LARGEST_LEAF = 16
-"""Points in a leaf; 10 to 30 are equally fast on scans thinned to 0.25 m."""
+_LEAF_SIZE = 16
+"""Maximum number of points of a leaf; 10 to 30 are equally fast on scans of 0.25 m voxels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointTree:
-    """Points in the order of the leaves of their k-d tree; build one with `from_points`.
+    """k-d tree of points; build with `from_points`.
 
-    All rows that a search returns are rows of `points` here; ``rows`` leads back to the caller's.
+    Searches return rows of `points`; ``tree.rows[row]`` is the row of the input array.
 
     Attributes
     ----------
     points : (n, 3) [m]
-        The points sorted into leaves: neighbours in space are neighbours in memory.
+        Points in the order of the leaves: neighbours in space are neighbours in memory.
     rows : (n,)
-        The row of the caller's array that each point came from.
-    axes : (c,)
-        Axis across which each node is cut.
-    places : (c,) [m]
-        Where along its axis.
+        Row of the input array of each point.
+    split_axes : (c,)
+        Axis that each inner node splits.
+    split_values : (c,) [m]
+        Coordinate along that axis at which the node splits.
     """
 
     points: Points
     rows: Labels
-    axes: Labels
-    places: Vector
+    split_axes: Labels
+    split_values: Vector
 
     def __post_init__(self) -> None:
-        for array in (self.points, self.rows, self.axes, self.places):
+        for array in (self.points, self.rows, self.split_axes, self.split_values):
             frozen(array)
 
     @classmethod
     def from_points(cls, points: Points) -> "PointTree":
-        """Return the tree of finite (n, 3) points.
+        """Build the tree of finite (n, 3) points [m].
 
         Raises
         ------
@@ -56,36 +56,53 @@ class PointTree:
             No point.
         """
         if len(points) == 0:
-            raise InvalidInput("points must hold at least one point, got none")
-        rows, axes, places = sorted_into_leaves(read_only(points), _LARGEST_LEAF)
-        return cls(points[rows], rows, axes, places)
+            raise InvalidInput("points must contain at least one point, got none")
+        rows, split_axes, split_values = sorted_into_leaves(read_only(points), _LEAF_SIZE)
+        return cls(points[rows], rows, split_axes, split_values)
 
     def __len__(self) -> int:
         return len(self.points)
 
-    def nearest(self, queries: Points, limit: float = np.inf) -> tuple[Labels, Vector]:
-        """Return the row of the point nearest to each of (m, 3) queries, and the distance.
+    def nearest(self, queries: Points, max_distance: float = np.inf) -> tuple[Labels, Vector]:
+        """Find the nearest neighbour of each query.
 
         Parameters
         ----------
         queries : (m, 3) [m]
-        limit : float [m]
-            Points this far away or farther do not count: the row is then -1 and the distance
-            infinite. A limit makes the search faster.
+            Query points.
+        max_distance : float [m]
+            Distance below which a neighbour is accepted; a finite one makes the search faster.
+
+        Returns
+        -------
+        rows : (m,)
+            Row of the nearest point; -1 without a neighbour.
+        distances : (m,) [m]
+            Distance to it; infinite without a neighbour.
         """
-        return nearest_rows(self.points, self.axes, self.places, read_only(queries), float(limit))
+        return nearest_rows(
+            self.points,
+            self.split_axes,
+            self.split_values,
+            read_only(queries),
+            float(max_distance),
+        )
 
-    def neighbours(self, count: int, of: Labels | None = None) -> Labels:
-        """Return (m, count) the rows of the points nearest to some of the points, nearest first.
-
-        A point is its own first neighbour, or shares its place with it.
+    def neighbours(self, count: int, rows: Labels | None = None) -> Labels:
+        """Find the nearest neighbours of the points themselves.
 
         Parameters
         ----------
         count : int
-            Neighbours of a point, itself included.
-        of : (m,), optional
-            Rows of those points; all by default.
+            Number of neighbours of a point, itself included.
+        rows : (m,), optional
+            Rows of the query points; all by default.
+
+        Returns
+        -------
+        (m, count)
+            Rows of the neighbours, nearest first. The first is the point itself, or one at the
+            same position.
 
         Raises
         ------
@@ -93,13 +110,14 @@ class PointTree:
             `count` is not a whole number from 1 to the number of points.
         """
         self._require_neighbours(count)
-        queries = self.points if of is None else read_only(self.points[of])
-        return several_nearest_rows(self.points, self.axes, self.places, queries, count)
+        queries = self.points if rows is None else read_only(self.points[rows])
+        return several_nearest_rows(self.points, self.split_axes, self.split_values, queries, count)
 
     def neighbour_covariances(self, count: int) -> Matrix:
-        """Return (n, 6) the covariances [m^2] of the `count` points nearest to each point.
+        """Return the (n, 6) covariances [m^2] of the `count` nearest neighbours of each point.
 
-        Packed as xx, xy, xz, yy, yz, zz and divided by `count`; a point is one of its neighbours.
+        They are packed as xx, xy, xz, yy, yz, zz and divided by `count`; a point is its own
+        neighbour.
 
         Raises
         ------
@@ -107,18 +125,23 @@ class PointTree:
             As `neighbours`.
         """
         self._require_neighbours(count)
-        covariances, is_known = leaf_covariances(self.points, self.axes, self.places, count)
-        left = np.flatnonzero(~is_known)
-        rows = read_only(self.neighbours(count, left))
-        covariances[left] = neighbour_covariances(self.points, rows)
+        covariances, is_known = leaf_covariances(
+            self.points, self.split_axes, self.split_values, count
+        )
+        remaining = np.flatnonzero(~is_known)
+        neighbours = read_only(self.neighbours(count, remaining))
+        covariances[remaining] = neighbour_covariances(self.points, neighbours)
         return covariances
 
     def _require_neighbours(self, count: int) -> None:
         require_count("count", count)
         if count > len(self):
-            raise InvalidInput(f"count must be at most the {len(self)} points, got {count}")
+            raise InvalidInput(
+                f"count must be at most {len(self)}, the number of points, got {count}"
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return PointTree, tuple(
-            np.array(array) for array in (self.points, self.rows, self.axes, self.places)
+            np.array(array)
+            for array in (self.points, self.rows, self.split_axes, self.split_values)
         )

@@ -1,4 +1,4 @@
-"""Sectors and range bins around the sensor: tau of Das et al. 2013, section IV."""
+"""Polar grid of azimuth sectors and range bins: tau of Das et al. 2013, section IV."""
 
 import math
 from dataclasses import dataclass
@@ -10,41 +10,41 @@ from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
 from scanlock.kernels.points.polar import polar_cells
 
-_MOST_BINS = 1e6
-"""A grid of more innermost widths than this [1] is a mistake in units, and would fill memory."""
+_MAX_BINS = 1e6
+"""Largest ratio of `max_range` to `first_width`; more is an error in units and fills the memory."""
 
-_SLIVER = 1e-9
-"""Part of a bin [1] that rounding alone may leave at `max_range`; no bin is made of it."""
+_ROUNDING = 1e-9
+"""Remainder of a bin at `max_range`, as a fraction of it, that is rounding and makes no bin."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolarGrid:
-    """A grid of azimuth sectors and range bins in the xy plane of the sensor.
+    """Polar grid of azimuth sectors and range bins in the xy plane of the sensor.
 
-    Azimuth counts from the x axis towards the y axis and wraps; range does not. Cell
-    ``sector * bins + bin`` is numbered outwards first.
+    The azimuth is measured from the x axis towards the y axis and wraps. Cell
+    ``sector * bins + bin`` is bin `bin` of sector `sector`.
     """
 
     sectors: int = 180
     """Number of equal azimuth sectors, N_s."""
 
     max_range: float = 80.0
-    """Points at this horizontal range or beyond get no cell [m]."""
+    """Horizontal range at which the grid ends [m]; points at or beyond it have no cell."""
 
     first_width: float = 0.5
-    """Width of the innermost bin [m], at least a millionth of `max_range`."""
+    """Radial width of the innermost bin [m], at least a millionth of `max_range`."""
 
     growth: float = 1.0
-    """Each bin is this many times wider than the one before; 1 gives the paper's equal bins.
+    """Ratio of the widths of consecutive bins; 1 gives the equal bins of the paper.
 
-    Lidar returns thin out with range, so bins that grow keep enough points in each. The
-    outermost bin ends at `max_range`, however narrow that leaves it.
+    The point density decreases with range; growing bins contain enough points at any range. The
+    outermost bin is cut off at `max_range`.
     """
 
     def __post_init__(self) -> None:
         require_count("sectors", self.sectors, 3)
         require_positive("max_range", self.max_range, unit="m")
-        require_at_least("first_width", self.first_width, self.max_range / _MOST_BINS, unit="m")
+        require_at_least("first_width", self.first_width, self.max_range / _MAX_BINS, unit="m")
         require_at_least("growth", self.growth, 1.0)
         if self.first_width > self.max_range:
             raise InvalidInput(
@@ -63,7 +63,7 @@ class PolarGrid:
         return len(self.edges) - 1
 
     def cells(self, points: Points) -> Labels:
-        """Return the (n,) cell of each (n, 3) sensor-frame point; -1 from `max_range` on."""
+        """Return the (n,) cells of (n, 3) points in the sensor frame; -1 outside `max_range`."""
         cells = polar_cells(read_only(points), int(self.sectors), self.edges)
         frozen(cells)
         return cells
@@ -71,12 +71,12 @@ class PolarGrid:
 
 @lru_cache(maxsize=16)
 def _edges(max_range: float, first_width: float, growth: float) -> Vector:
-    """Return the edges of a grid, see there; every scan asks for them several times."""
+    """Return `PolarGrid.edges`; cached, since they are used several times for each scan."""
     ratio = max_range / first_width
     excess = growth - 1.0
-    # The logarithms keep their digits however little the bins grow.
+    # log1p and expm1 are accurate for a growth close to 1 too.
     count = ratio if excess == 0.0 else np.log1p(ratio * excess) / np.log1p(excess)
-    steps = np.arange(max(1, math.ceil(count - _SLIVER)) + 1, dtype=np.float64)
+    steps = np.arange(max(1, math.ceil(count - _ROUNDING)) + 1, dtype=np.float64)
     widths = steps if excess == 0.0 else np.expm1(steps * np.log1p(excess)) / excess
     edges = first_width * widths
     edges[-1] = max_range

@@ -1,4 +1,4 @@
-"""Partition of points by a grid of cubes."""
+"""Voxel grids: labels, indices, means and moments of the points in each voxel."""
 
 import numpy as np
 
@@ -11,71 +11,112 @@ from scanlock.kernels.points.voxels import ascending_keys, occupied_voxels, voxe
 _ZERO = read_only(np.zeros(3))
 
 
-def voxel_labels(points: Points, width: float) -> tuple[Labels, int]:
-    """Return the occupied voxel of each (n, 3) point, and how many there are.
+def voxel_labels(points: Points, voxel_size: float) -> tuple[Labels, int]:
+    """Return the occupied voxel of each (n, 3) point, and the number of occupied voxels.
 
-    Voxels are cubes of side `width` [m] with a corner at zero, numbered by ascending index.
+    Voxels have the side `voxel_size` [m] and a corner at the origin; they are numbered by
+    ascending index.
     """
-    labels, cells = voxel_cells(points, width)
-    return labels, len(cells)
+    labels, indices = voxel_indices(points, voxel_size)
+    return labels, len(indices)
 
 
-def voxel_cells(points: Points, width: float, corner: Vector = _ZERO) -> tuple[Labels, Labels]:
-    """Return the occupied voxel of each (n, 3) point, and the (m, 3) indices of the voxels.
+def voxel_indices(
+    points: Points, voxel_size: float, corner: Vector = _ZERO
+) -> tuple[Labels, Labels]:
+    """Return the occupied voxel of each point, and the integer indices of the voxels.
 
-    Voxels are cubes of side `width` [m], one with its lowest corner at `corner` [m] of index
-    (0, 0, 0), numbered by ascending index.
-    """
-    require_positive("width", width, unit="m")
-    labels, cells = occupied_voxels(read_only(points), read_only(corner), float(width))
-    order = _ascending(cells)
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return rank[labels], cells[order]
-
-
-def voxel_moments(
-    points: Points, width: float, corner: Vector = _ZERO, least_count: int = 1
-) -> tuple[Labels, Labels, Points, Matrix]:
-    """Return the voxels with at least `least_count` of (n, 3) points, and their moments.
+    Parameters
+    ----------
+    points : (n, 3) [m]
+        Points.
+    voxel_size : float [m]
+        Side of a voxel.
+    corner : (3,) [m]
+        Lowest corner of the voxel (0, 0, 0).
 
     Returns
     -------
-    cells : (m, 3)
-        As those of `voxel_cells`, ascending.
+    labels : (n,)
+        Row of `indices` of each point.
+    indices : (m, 3)
+        Indices of the occupied voxels, ascending.
+
+    Raises
+    ------
+    InvalidInput
+        `voxel_size` is not positive.
+    """
+    require_positive("voxel_size", voxel_size, unit="m")
+    labels, indices = occupied_voxels(read_only(points), read_only(corner), float(voxel_size))
+    order = _ascending(indices)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return rank[labels], indices[order]
+
+
+def voxel_moments(
+    points: Points, voxel_size: float, corner: Vector = _ZERO, min_points: int = 1
+) -> tuple[Labels, Labels, Points, Matrix]:
+    """Return the moments of the points in each voxel with at least `min_points` points.
+
+    Parameters
+    ----------
+    points, voxel_size, corner
+        As for `voxel_indices`.
+    min_points : int
+        Minimum number of points of a voxel.
+
+    Returns
+    -------
+    indices : (m, 3)
+        Indices of the voxels, ascending, as those of `voxel_indices`.
     counts : (m,)
+        Number of points.
     means : (m, 3) [m]
+        Means of the points.
     packed : (m, 6) [m^2]
         Upper triangles of the covariances, divided by the counts.
+
+    Raises
+    ------
+    InvalidInput
+        `voxel_size` is not positive.
     """
-    require_positive("width", width, unit="m")
+    require_positive("voxel_size", voxel_size, unit="m")
     points, corner = read_only(points), read_only(corner)
-    fits, keys, sums = voxel_sums(points, corner, float(width), least_count)
+    fits, keys, sums = voxel_sums(points, corner, float(voxel_size), min_points)
     if not fits:
-        return _scattered_moments(points, width, corner, least_count)
+        return _scattered_moments(points, voxel_size, corner, min_points)
     order = read_only(np.argsort(keys))
-    return moments_of_sums(order, read_only(keys), read_only(sums), corner, float(width))
+    return moments_of_sums(order, read_only(keys), read_only(sums), corner, float(voxel_size))
 
 
-def voxel_means(points: Points, width: float) -> Points:
-    """Return the mean of the points in each occupied voxel, (m, 3) with m <= n."""
-    require_positive("width", width, unit="m")
+def voxel_means(points: Points, voxel_size: float) -> Points:
+    """Downsample (n, 3) points to their mean in each occupied voxel, (m, 3) with m <= n.
+
+    Raises
+    ------
+    InvalidInput
+        `voxel_size` is not positive.
+    """
+    require_positive("voxel_size", voxel_size, unit="m")
     points = read_only(points)
-    labels, cells = occupied_voxels(points, _ZERO, float(width))
-    return voxel_middles(points, read_only(labels), len(cells))[_ascending(cells)]
+    labels, indices = occupied_voxels(points, _ZERO, float(voxel_size))
+    return voxel_middles(points, read_only(labels), len(indices))[_ascending(indices)]
 
 
 def _scattered_moments(
-    points: Points, width: float, corner: Vector, least_count: int
+    points: Points, voxel_size: float, corner: Vector, min_points: int
 ) -> tuple[Labels, Labels, Points, Matrix]:
-    """Return the same as `voxel_moments`, however far voxels lie from the corner."""
-    labels, cells = voxel_cells(points, width, corner)
-    counts, means, packed = labelled_moments(points, read_only(labels), len(cells))
-    kept = counts >= least_count
-    return cells[kept], counts[kept], means[kept], packed[kept]
+    """Return the result of `voxel_moments` for voxels at any distance from the corner."""
+    labels, indices = voxel_indices(points, voxel_size, corner)
+    counts, means, packed = labelled_moments(points, read_only(labels), len(indices))
+    is_full = counts >= min_points
+    return indices[is_full], counts[is_full], means[is_full], packed[is_full]
 
 
-def _ascending(cells: Labels) -> Labels:
-    """Return the order of distinct (m, 3) indices: by the first, then the next."""
-    keys = ascending_keys(read_only(cells))
-    return np.argsort(keys) if len(keys) else np.lexsort(cells.T[::-1])
+def _ascending(indices: Labels) -> Labels:
+    """Return the lexicographic order of distinct (m, 3) indices."""
+    keys = ascending_keys(read_only(indices))
+    return np.argsort(keys) if len(keys) else np.lexsort(indices.T[::-1])

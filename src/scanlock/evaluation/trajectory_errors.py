@@ -205,7 +205,7 @@ def path_lengths(poses: Sequence[Pose]) -> Vector:
 
 def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:
     target, source = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
-    if not PairMoments.of(target, source).holds_rotation:
+    if not PairMoments.of(target, source).constrains_rotation:
         # Collinear or coincident positions do not constrain the rotation; the first poses do.
         return truth[0] @ estimate[0].inverse()
     return fit_arun(target, source)

@@ -106,7 +106,7 @@ def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: i
         Decides the scene, the drive and the noise.
     """
     require_count("every", every)
-    require_count("scans", scans, least=2)
+    require_count("scans", scans, minimum=2)
     place, drive = drive_through(scene, count=1 + (scans - 1) * every, seed=seed)
     sequence = SimulatedSequence(place.world, SENSORS[sensor](), drive, seed)
     taken = range(0, len(sequence), every)
@@ -152,7 +152,7 @@ def recorded_series(
     """
     require_count("every", every)
     if scans is not None:
-        require_count("scans", scans, least=2)
+        require_count("scans", scans, minimum=2)
     taken = open_sequence(folder, poses, every=every, count=scans)
     if len(taken) < 2:
         raise InvalidInput(

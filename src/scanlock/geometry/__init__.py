@@ -1,1 +1,1 @@
-"""Rotations and rigid motions; NumPy only."""
+"""Rotations and rigid transforms; NumPy only."""

@@ -1,4 +1,4 @@
-"""Rotations of three-space as 3x3 matrices, and their logarithms."""
+"""Rotation matrices, their exponentials and logarithms, and quaternions."""
 
 import math
 
@@ -12,7 +12,7 @@ _SMALL_ANGLE = 1e-4
 
 
 def hat(vector: Vector) -> Matrix:
-    """Return the skew matrix with ``hat(a) @ b == cross(a, b)``."""
+    """Return the (3, 3) skew-symmetric matrix with ``hat(a) @ b == cross(a, b)``."""
     x, y, z = vector
     # fmt: off
     return np.array([[0.0,  -z,   y],
@@ -22,32 +22,32 @@ def hat(vector: Vector) -> Matrix:
 
 
 def hats(vectors: Points) -> NDArray[np.float64]:
-    """Return (n, 3, 3) the cross-product matrices of (n, 3) vectors; see `hat`."""
-    found = np.zeros((len(vectors), 3, 3))
+    """Return the (n, 3, 3) skew-symmetric matrices of (n, 3) vectors; see `hat`."""
+    upper = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
-    found[:, 0, 1], found[:, 0, 2], found[:, 1, 2] = -z, y, -x
-    return found - found.transpose(0, 2, 1)
+    upper[:, 0, 1], upper[:, 0, 2], upper[:, 1, 2] = -z, y, -x
+    return upper - upper.transpose(0, 2, 1)
 
 
 def exp_rotation(phi: Vector) -> Matrix:
-    """Return the rotation by ``|phi|`` [rad] about the axis ``phi`` (Rodrigues)."""
-    # For three numbers NumPy's own norm and sines take three times as long.
+    """Return the rotation by the angle ``|phi|`` [rad] about the axis ``phi`` (Rodrigues)."""
+    # NumPy's norm and sine take three times as long for three numbers.
     angle = math.sqrt(float(phi @ phi))
     if angle < _SMALL_ANGLE:
         sine_ratio = 1.0 - angle**2 / 6.0
         cosine_ratio = 0.5 - angle**2 / 24.0
     else:
         sine_ratio = math.sin(angle) / angle
-        # 1 - cos(a) loses digits for small angles; the half-angle form does not.
+        # The half-angle form keeps the digits that 1 - cos(a) loses at small angles.
         cosine_ratio = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2
     generator = hat(phi)
     return np.eye(3) + sine_ratio * generator + cosine_ratio * generator @ generator
 
 
 def log_rotation(rotation: Matrix) -> Vector:
-    """Return the axis times the angle [rad] in [0, pi] of a rotation; inverse of `exp_rotation`.
+    """Return the rotation vector (axis times angle in [0, pi]) [rad]; inverse of `exp_rotation`.
 
-    Goes through the unit quaternion, which stays accurate at angles near pi.
+    Computed from the unit quaternion, which is accurate at angles near pi too.
     """
     quaternion = quaternion_from_rotation(rotation)
     scalar, vector = quaternion[0], quaternion[1:]
@@ -60,7 +60,7 @@ def log_rotation(rotation: Matrix) -> Vector:
 def inverse_left_jacobian(phi: Vector) -> Matrix:
     """Return J with ``log(exp(d) exp(phi)) = phi + J d`` to first order in a small ``d``.
 
-    Grows without bound as ``|phi|`` nears a whole turn; `log_rotation` stays within half of one.
+    Singular at ``|phi| = 2 pi``; `log_rotation` returns angles of at most pi.
     """
     angle = float(np.linalg.norm(phi))
     if angle < _SMALL_ANGLE:
@@ -72,7 +72,7 @@ def inverse_left_jacobian(phi: Vector) -> Matrix:
 
 
 def rotation_angle(rotation: Matrix) -> float:
-    """Return the angle [rad] in [0, pi] of a rotation, accurate at both ends."""
+    """Return the angle [rad] of a rotation, in [0, pi] and accurate at both ends."""
     return float(np.linalg.norm(log_rotation(rotation)))
 
 
@@ -106,9 +106,9 @@ def nearest_rotation(matrix: Matrix) -> Matrix:
 
 
 def rotation_onto_z(direction: Vector) -> Matrix:
-    """Return the smallest rotation that carries a unit vector onto the z axis.
+    """Return the smallest rotation that maps a unit vector to the z axis.
 
-    The direction must not point straight down, where the rotation is not unique.
+    The direction must not be -z, where the rotation is not unique.
     """
     x, y, z = direction
     scale = 1.0 / (1.0 + z)

@@ -1,1 +1,1 @@
-"""What we believe the points are: Gaussians, ground, clusters."""
+"""Gaussian and surface models of point clouds."""

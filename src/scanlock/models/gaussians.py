@@ -1,4 +1,4 @@
-"""Parts of a scan as Gaussians: means, covariances, counts."""
+"""Sets of 3D Gaussians: means, covariances and point counts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,17 +23,22 @@ _PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Gaussians:
-    """A set of k Gaussians in one frame.
+    """Set of k Gaussians in a common frame.
 
     Attributes
     ----------
     means : (k, 3) [m]
+        Mean of each Gaussian.
     packed_covariances : (k, 6) [m^2]
-        The upper triangles xx, xy, xz, yy, yz, zz. `from_labels` divides by the count, as in Das
-        et al. 2013, section VI; those of voxels, from `models.voxel_gaussians`, are divided by
-        the count less one.
+        Upper triangles of the covariances: xx, xy, xz, yy, yz, zz. `from_labels` divides by the
+        count n (Das et al. 2013, section VI), `scanlock.models.voxel_gaussians` by n - 1.
     counts : (k,)
-        Points behind each Gaussian; of merged ones, what gives them their weight.
+        Number of points of each Gaussian; `merged` Gaussians may have a fractional count.
+
+    Raises
+    ------
+    InvalidInput
+        Shapes that do not match.
     """
 
     means: Points
@@ -50,7 +55,7 @@ class Gaussians:
         if self.counts.shape != (k,):
             raise InvalidInput(f"counts must have shape ({k},), got {self.counts.shape}")
         for name in ("means", "packed_covariances", "counts"):
-            # A part of a wider table is not contiguous, and kernels are made for what is.
+            # Kernels are compiled for contiguous arrays; a slice of a wider table is not one.
             array = np.ascontiguousarray(getattr(self, name))
             frozen(array)
             object.__setattr__(self, name, array)
@@ -59,40 +64,46 @@ class Gaussians:
     def from_covariances(
         cls, means: Points, covariances: NDArray[np.float64], counts: Counts
     ) -> "Gaussians":
-        """Return the Gaussians of means (k, 3) [m] and symmetric covariances (k, 3, 3) [m^2]."""
+        """Return the Gaussians of (k, 3) means [m] and symmetric (k, 3, 3) covariances [m^2]."""
         if covariances.shape[1:] != (3, 3):
             raise InvalidInput(f"covariances must have shape (k, 3, 3), got {covariances.shape}")
         packed = np.ascontiguousarray(covariances[:, _PACKED_ROWS, _PACKED_COLUMNS])
         return cls(means, packed, counts)
 
     @classmethod
-    def from_labels(cls, points: Points, labels: Labels, least_count: int = 1) -> "Gaussians":
-        """Return the Gaussian of each part with at least `least_count` points, by label.
+    def from_labels(cls, points: Points, labels: Labels, min_points: int = 1) -> "Gaussians":
+        """Fit a Gaussian to each cluster of points, in the order of the labels.
 
         Parameters
         ----------
         points : (n, 3) [m]
+            Points.
         labels : (n,)
-            Part of each point; -1 leaves it out.
-        least_count : int
-            Parts of fewer points are skipped: their covariance says little.
+            Cluster of each point; -1 for none.
+        min_points : int
+            Minimum number of points; clusters of fewer points are skipped.
+
+        Raises
+        ------
+        InvalidInput
+            `min_points` is less than 1.
         """
-        require_at_least("least_count", least_count, 1)
-        parts = int(labels.max(initial=-1)) + 1
-        counts, means, packed = labelled_moments(read_only(points), read_only(labels), parts)
-        kept = counts >= least_count
-        return cls(means[kept], packed[kept], counts[kept])
+        require_at_least("min_points", min_points, 1)
+        clusters = int(labels.max(initial=-1)) + 1
+        counts, means, packed = labelled_moments(read_only(points), read_only(labels), clusters)
+        is_large = counts >= min_points
+        return cls(means[is_large], packed[is_large], counts[is_large])
 
     @classmethod
-    def joined(cls, parts: "Sequence[Gaussians]") -> "Gaussians":
-        """Return the Gaussians of several sets as one, in the order given."""
+    def joined(cls, sets: "Sequence[Gaussians]") -> "Gaussians":
+        """Concatenate several sets of Gaussians."""
         joined = cls(
-            np.concatenate([part.means for part in parts]),
-            np.concatenate([part.packed_covariances for part in parts]),
-            np.concatenate([part.counts for part in parts]),
+            np.concatenate([one.means for one in sets]),
+            np.concatenate([one.packed_covariances for one in sets]),
+            np.concatenate([one.counts for one in sets]),
         )
-        return joined._reshaped(
-            joined.packed_covariances, np.concatenate([part.variances for part in parts])
+        return joined._with_covariances(
+            joined.packed_covariances, np.concatenate([one.variances for one in sets])
         )
 
     def __len__(self) -> int:
@@ -107,7 +118,7 @@ class Gaussians:
 
     @cached_property
     def packed_precisions(self) -> Matrix:
-        """The (k, 6) upper triangles of the inverse covariances."""
+        """The (k, 6) upper triangles of the inverse covariances [1/m^2]."""
         precisions = packed_inverses(read_only(self.packed_covariances))
         frozen(precisions)
         return precisions
@@ -120,17 +131,17 @@ class Gaussians:
         return variances
 
     @cached_property
-    def widths(self) -> Vector:
-        """The (k,) largest variances [m^2]; no rotation changes them."""
-        widths = np.ascontiguousarray(self.variances[:, 2], dtype=np.float64)
-        frozen(widths)
-        return widths
+    def max_variances(self) -> Vector:
+        """The (k,) largest principal variances [m^2]; they are invariant to rotation."""
+        largest = np.ascontiguousarray(self.variances[:, 2], dtype=np.float64)
+        frozen(largest)
+        return largest
 
     def weights(self, power: float = 0.5) -> Vector:
-        """Return the (k,) counts to a power, scaled to unit length.
+        """Return the (k,) counts to a power, scaled to unit norm.
 
-        Equal weights (power 0) trust a distant handful of points as much as a facade; the
-        counts themselves (power 1) would let the nearest object decide alone.
+        Equal weights (power 0) give few distant points the weight of a facade. With the counts
+        as weights (power 1) the nearest object dominates.
         """
         weights = self.counts.astype(np.float64) ** power
         norm = np.linalg.norm(weights)
@@ -139,71 +150,94 @@ class Gaussians:
         return weights
 
     def taken(self, rows: Labels | Mask) -> "Gaussians":
-        """Return the Gaussians at the given rows, in that order."""
+        """Return the Gaussians at the given rows, in that order, or of a mask."""
         return Gaussians(self.means[rows], self.packed_covariances[rows], self.counts[rows])
 
     def regularised(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
-        """Return the same Gaussians with no principal deviation too small to invert.
+        """Return the Gaussians with their principal variances raised to a minimum.
 
         Parameters
         ----------
         deviation : float [m]
-            Least standard deviation along any principal axis: the sensor's noise and more.
+            Minimum standard deviation along any principal axis; at least the sensor noise.
         ratio : float
-            Least share of the largest variance of the same Gaussian (0.01 in Magnusson 2009).
+            Minimum variance relative to the largest of the same Gaussian (0.01 in Magnusson
+            2009).
+
+        Raises
+        ------
+        InvalidInput
+            A deviation that is not positive, or a negative ratio.
         """
         require_positive("deviation", deviation, unit="m")
         require_at_least("ratio", ratio, 0.0)
         packed, variances = floored_covariances(
             read_only(self.packed_covariances), float(deviation) ** 2, float(ratio)
         )
-        return self._reshaped(packed, variances)
+        return self._with_covariances(packed, variances)
 
     def scaled(self, factor: float) -> "Gaussians":
-        """Return the same Gaussians with every standard deviation `factor` times as large."""
+        """Return the Gaussians with every standard deviation multiplied by `factor`."""
         require_positive("factor", factor)
-        return self._reshaped(self.packed_covariances * factor**2, self.variances * factor**2)
+        return self._with_covariances(
+            self.packed_covariances * factor**2, self.variances * factor**2
+        )
 
     def inflated(self, deviation: float) -> "Gaussians":
-        """Return the Gaussians blurred by an isotropic one of standard deviation [m]."""
+        """Return the Gaussians convolved with an isotropic one of standard deviation [m]."""
         require_at_least("deviation", deviation, 0.0, unit="m")
-        return self._reshaped(
+        return self._with_covariances(
             self.packed_covariances + deviation**2 * _PACKED_IDENTITY,
             self.variances + deviation**2,
         )
 
-    def merged(self, width: float, weight_power: float) -> "Gaussians":
-        """Return one Gaussian for all that have their means in one cube of a side [m].
+    def merged(self, voxel_size: float, weight_power: float) -> "Gaussians":
+        """Merge the Gaussians whose means are in the same voxel.
 
-        It has the mean and covariance of the mixture of those, weighted by their counts to
-        `weight_power`, and such a count that its own weight is the sum of theirs.
+        Parameters
+        ----------
+        voxel_size : float [m]
+            Side of the voxels.
+        weight_power : float
+            Power of the counts that gives the weights; see `weights`.
+
+        Returns
+        -------
+        Gaussians
+            For each voxel the mean and covariance of the weighted mixture. Its count is chosen so
+            that its weight is the sum of the weights.
+
+        Raises
+        ------
+        InvalidInput
+            A voxel size or power that is not positive.
         """
-        require_positive("width", width, unit="m")
+        require_positive("voxel_size", voxel_size, unit="m")
         require_positive("weight_power", weight_power)
         if len(self) == 0:
             return self
-        labels, parts = voxel_labels(self.means, width)
+        labels, voxels = voxel_labels(self.means, voxel_size)
         means, packed, weights = merged_moments(
             read_only(self.means),
             read_only(self.packed_covariances),
             read_only(self.counts.astype(np.float64) ** weight_power),
             read_only(labels),
-            parts,
+            voxels,
         )
         return Gaussians(means, packed, weights ** (1.0 / weight_power))
 
     def transformed(self, pose: Pose) -> "Gaussians":
-        """Return the Gaussians moved by a pose; covariances turn with it."""
-        turned = packed_turned(read_only(self.packed_covariances), pose.rotation)
-        moved = Gaussians(pose.apply(self.means), turned, self.counts)
-        return moved._reshaped(turned, self.variances)
+        """Return the Gaussians transformed by a pose."""
+        rotated = packed_turned(read_only(self.packed_covariances), pose.rotation)
+        moved = Gaussians(pose.apply(self.means), rotated, self.counts)
+        return moved._with_covariances(rotated, self.variances)
 
-    def _reshaped(self, packed: Matrix, variances: Matrix) -> "Gaussians":
-        reshaped = Gaussians(self.means, packed, self.counts)
+    def _with_covariances(self, packed: Matrix, variances: Matrix) -> "Gaussians":
+        changed = Gaussians(self.means, packed, self.counts)
         frozen(variances)
-        # The principal variances are known here, and decomposing anew costs more than a score.
-        reshaped.__dict__["variances"] = variances
-        return reshaped
+        # The principal variances are known; another decomposition costs more than a score.
+        changed.__dict__["variances"] = variances
+        return changed
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Gaussians, (

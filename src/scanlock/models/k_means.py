@@ -1,4 +1,4 @@
-"""Partition of points into a given number of parts by k-means."""
+"""k-means clustering of points."""
 
 from dataclasses import dataclass
 
@@ -13,38 +13,52 @@ from scanlock.kernels.points.moments import labelled_moments
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class KMeans:
-    """Settings of Lloyd's algorithm from k-means++ seeds."""
+    """Settings of Lloyd's algorithm with k-means++ initialisation."""
 
     seed: int = 0
-    """Of the random numbers that choose the first centres: the same seed, the same parts."""
+    """Seed of the random numbers that choose the initial centres."""
 
     max_iterations: int = 100
-    """Rounds at most; it ends sooner when no point changes its part."""
+    """Maximum number of iterations; it stops earlier when no assignment changes."""
 
     def __post_init__(self) -> None:
         require_count("seed", self.seed, 0)
         require_count("max_iterations", self.max_iterations)
 
     def labels(self, points: Points, count: int) -> Labels:
-        """Return the part of each (n, 3) point, from 0 to below `count`; a part may be empty.
+        """Assign points to clusters.
 
-        Equal to the same rows in another order only where the rows themselves are; sort them
-        first where that matters.
+        Parameters
+        ----------
+        points : (n, 3) [m]
+            Points; their order matters, so sort them where the result must not depend on it.
+        count : int
+            Number of clusters.
+
+        Returns
+        -------
+        (n,)
+            Cluster of each point, from 0 to ``count - 1``; a cluster may be empty.
+
+        Raises
+        ------
+        InvalidInput
+            `count` is not a whole number of at least 1.
         """
         require_count("count", count)
         if len(points) == 0:
             return np.empty(0, np.int64)
-        given = read_only(points)
+        points = read_only(points)
         draws = np.random.default_rng(self.seed).random(min(count, len(points)))
-        centres = given[spread_seeds(given, read_only(draws))]
+        centres = points[spread_seeds(points, read_only(draws))]
         labels = np.full(len(points), -1, np.int64)
         for _ in range(self.max_iterations):
             tree = PointTree.from_points(centres)
-            nearest = tree.rows[tree.nearest(given)[0]]
+            nearest = tree.rows[tree.nearest(points)[0]]
             if np.array_equal(nearest, labels):
                 break
             labels = nearest
-            counts, means, _ = labelled_moments(given, read_only(labels), len(centres))
-            # A centre that lost its last point stays: it may win others back.
+            counts, means, _ = labelled_moments(points, read_only(labels), len(centres))
+            # An empty cluster keeps its centre, and may gain points again.
             centres = np.where(counts[:, None] > 0, means, centres)
         return labels

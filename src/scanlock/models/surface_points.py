@@ -1,9 +1,9 @@
-"""Points with the covariance of the surface around each, singly or by the voxel."""
+"""Points with surface covariances, as single points and as averages over voxels."""
 
 from dataclasses import dataclass
 
 from scanlock.arrays import Labels, Matrix, Points, frozen, read_only
-from scanlock.clouds.voxel_grid import voxel_cells
+from scanlock.clouds.voxel_grid import voxel_indices
 from scanlock.errors import InvalidInput
 from scanlock.kernels.gaussians.cells import cell_table, rows_at
 from scanlock.kernels.points.surface_voxels import voxel_surfaces
@@ -11,14 +11,20 @@ from scanlock.kernels.points.surface_voxels import voxel_surfaces
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfacePoints:
-    """Points, each a Gaussian that lies along the surface it was taken from.
+    """Points with the covariance of the surface around each of them.
 
     Attributes
     ----------
     points : (n, 3) [m]
+        Points on surfaces.
     covariances : (n, 6) [m^2]
-        Packed upper triangles xx, xy, xz, yy, yz, zz; see
+        Covariances, packed as xx, xy, xz, yy, yz, zz; see
         `scanlock.models.surfaces.surface_covariances`.
+
+    Raises
+    ------
+    InvalidInput
+        Shapes that do not match.
     """
 
     points: Points
@@ -32,7 +38,7 @@ class SurfacePoints:
                 f"{self.points.shape} and {self.covariances.shape}"
             )
         frozen(self.points)
-        # One layout of memory, so that kernels are compiled once.
+        # A single memory layout, so that kernels are compiled once.
         object.__setattr__(self, "covariances", read_only(self.covariances))
 
     def __len__(self) -> int:
@@ -41,43 +47,44 @@ class SurfacePoints:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceVoxels:
-    """The surface by the voxel, as in Koide et al. 2021. Build with `from_points`.
+    """Surface points averaged over voxels (Koide et al. 2021); build with `from_points`.
 
     Attributes
     ----------
     surface : SurfacePoints
-        Of each voxel the mean of its points, and the mean of their covariances.
-    places : (k, 3)
-        Where the voxels lie, in widths from zero, in ascending order.
+        Mean of the points and mean of their covariances in each occupied voxel.
+    indices : (k, 3)
+        Integer grid indices of the voxels, in ascending order; voxel (0, 0, 0) has a corner at
+        the origin.
     table : (2^m,)
-        The hash of the places: rows, and -1 where empty.
-    width : float [m]
+        Hash table of the indices: rows of `indices`, -1 where empty.
+    size : float [m]
         Side of a voxel.
     """
 
     surface: SurfacePoints
-    places: Labels
+    indices: Labels
     table: Labels
-    width: float
+    size: float
 
     def __post_init__(self) -> None:
-        for array in (self.places, self.table):
+        for array in (self.indices, self.table):
             frozen(array)
 
     @classmethod
-    def from_points(cls, surface: SurfacePoints, width: float) -> "SurfaceVoxels":
-        """Return the occupied voxels of side `width` [m], one corner of one at zero."""
+    def from_points(cls, surface: SurfacePoints, voxel_size: float) -> "SurfaceVoxels":
+        """Average surface points over voxels of side `voxel_size` [m]."""
         points = read_only(surface.points)
-        labels, places = voxel_cells(points, width)
+        labels, indices = voxel_indices(points, voxel_size)
         means, covariances = voxel_surfaces(
-            points, surface.covariances, read_only(labels), len(places)
+            points, surface.covariances, read_only(labels), len(indices)
         )
-        table = cell_table(read_only(places), 1 << (8 * len(places)).bit_length())
-        return cls(SurfacePoints(means, covariances), places, table, float(width))
+        table = cell_table(read_only(indices), 1 << (8 * len(indices)).bit_length())
+        return cls(SurfacePoints(means, covariances), indices, table, float(voxel_size))
 
     def __len__(self) -> int:
         return len(self.surface)
 
     def rows_of(self, queries: Points) -> Labels:
-        """Return the row of the voxel that each of (m, 3) points lies in; -1 where it is empty."""
-        return rows_at(read_only(queries), self.table, self.places, self.width)
+        """Return the (m,) row of the voxel that contains each query [m]; -1 for empty voxels."""
+        return rows_at(read_only(queries), self.table, self.indices, self.size)

@@ -1,7 +1,7 @@
-"""The surface around each point of a scan: its normal, and a covariance that is flat along it.
+"""Local surface estimation: normals and surface covariances from nearest neighbours.
 
-Generalised ICP takes each point for a sample of a surface: where on the surface it lies is
-uncertain, how far off it is not (Segal, Haehnel and Thrun 2009, section III.B).
+Generalised ICP models each point as a sample of a surface: its position along the surface is
+uncertain, its distance from the surface is not (Segal, Haehnel and Thrun 2009, section III.B).
 """
 
 from dataclasses import dataclass
@@ -16,39 +16,39 @@ from scanlock.errors import InvalidInput, require_count, require_fraction, requi
 from scanlock.kernels.gaussians.eigen3 import principal_axes
 
 SurfaceShape = Literal["plane", "ellipsoid"]
-"""What the neighbours of a point are taken for.
+"""Shape of a surface covariance.
 
-``"plane"`` gives every point the variances (thinness, 1, 1) about its normal, as in the paper,
-whether its neighbours are flat or not. ``"ellipsoid"`` keeps the proportions of the neighbours'
-own variances, largest 1 and none below the thinness: wires and foliage then are no planes.
+``"plane"``: variances (epsilon, 1, 1), the smallest along the normal, as in the paper.
+``"ellipsoid"``: the variances of the neighbours, scaled to a largest of 1 and with the minimum
+epsilon, so that wires and foliage are not modelled as planes.
 """
 
 MIN_NEIGHBOURS = 4
-"""Three points always lie in a plane, whatever the surface: the fourth tells."""
+"""Minimum number of neighbours: three points are always coplanar."""
 
 _PACKED_ROWS = [0, 0, 0, 1, 1, 2]
 _PACKED_COLUMNS = [0, 1, 2, 1, 2, 2]
 
 
-def require_surface(neighbours: int, shape: SurfaceShape, thinness: float) -> None:
-    """Raise `InvalidInput` unless `surface_covariances` can take these settings."""
+def require_surface(neighbours: int, shape: SurfaceShape, covariance_epsilon: float) -> None:
+    """Raise `InvalidInput` unless these settings are valid for `surface_covariances`."""
     require_count("neighbours", neighbours, MIN_NEIGHBOURS)
     if shape not in ("plane", "ellipsoid"):
         raise InvalidInput(f"shape must be 'plane' or 'ellipsoid', got {shape!r}")
-    require_positive("thinness", thinness, unit="m^2")
-    require_fraction("thinness", thinness)
+    require_positive("covariance_epsilon", covariance_epsilon, unit="m^2")
+    require_fraction("covariance_epsilon", covariance_epsilon)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Neighbourhoods:
-    """How the points around each point of a cloud are spread. Build with `around`.
+    """Principal axes and variances of the neighbours of points; build with `around`.
 
     Attributes
     ----------
     variances : (n, 3) [m^2]
-        Of the neighbours along their principal axes, ascending.
+        Variances of the neighbours along their principal axes, ascending.
     axes : (n, 3, 3)
-        The axes by row, unit vectors of either sign.
+        Principal axes by row, unit vectors of either sign.
     """
 
     variances: Matrix
@@ -60,15 +60,14 @@ class Neighbourhoods:
 
     @classmethod
     def around(cls, points: Points | PointTree, neighbours: int = 10) -> "Neighbourhoods":
-        """Return the spread about each point.
+        """Compute the neighbourhoods of all points of a cloud.
 
         Parameters
         ----------
         points : (n, 3) or PointTree [m]
-            Of a tree, the rows are those of its own points.
+            Points. The rows of the result follow the array, or the points of the tree.
         neighbours : int
-            Nearest points that are looked at, the point itself included; all where there are
-            fewer.
+            Number of nearest neighbours, the point itself included; all points of a smaller cloud.
 
         Raises
         ------
@@ -80,31 +79,34 @@ class Neighbourhoods:
         covariances = tree.neighbour_covariances(min(neighbours, len(tree)))
         variances, axes = principal_axes(read_only(covariances))
         if tree is not points:
-            places = np.argsort(tree.rows)
-            variances, axes = variances[places], axes[places]
+            order = np.argsort(tree.rows)
+            variances, axes = variances[order], axes[order]
         return cls(variances, axes.reshape(-1, 3, 3))
 
     @property
-    def widths(self) -> Vector:
-        """The (n,) root mean square distance [m] of the neighbours from their mean."""
+    def radii(self) -> Vector:
+        """The (n,) root mean square distances [m] of the neighbours from their mean."""
         return np.sqrt(np.maximum(self.variances.sum(axis=1), 0.0))
 
     def taken(self, rows: Labels) -> "Neighbourhoods":
-        """Return the spread about the points of the given rows, in that order."""
+        """Return the neighbourhoods at the given rows, in that order."""
         return Neighbourhoods(self.variances[rows], self.axes[rows])
 
-    def covariances(self, shape: SurfaceShape = "plane", thinness: float = 1e-3) -> Matrix:
-        """Return the (n, 6) covariances of the surface; see `surface_covariances`."""
+    def covariances(
+        self, shape: SurfaceShape = "plane", covariance_epsilon: float = 1e-3
+    ) -> Matrix:
+        """Return the (n, 6) surface covariances [m^2]; see `surface_covariances`."""
         if shape == "plane":
-            # Two axes of variance 1 are the identity less the third.
-            across = self.axes[:, 0, _PACKED_ROWS] * self.axes[:, 0, _PACKED_COLUMNS]
-            return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - thinness) * across
+            # The sum of the two tangential products is the identity less that of the normal.
+            normal = self.axes[:, 0, _PACKED_ROWS] * self.axes[:, 0, _PACKED_COLUMNS]
+            return np.eye(3)[_PACKED_ROWS, _PACKED_COLUMNS] - (1.0 - covariance_epsilon) * normal
         first, second = self.axes[:, :, _PACKED_ROWS], self.axes[:, :, _PACKED_COLUMNS]
         largest = self.variances[:, 2:]
-        shares = np.divide(
+        relative = np.divide(
             self.variances, largest, out=np.ones_like(self.variances), where=largest > 0.0
         )
-        return np.einsum("na,nap,nap->np", np.maximum(shares, thinness), first, second)
+        relative = np.maximum(relative, covariance_epsilon)
+        return np.einsum("na,nap,nap->np", relative, first, second)
 
 
 def surface_covariances(
@@ -112,49 +114,53 @@ def surface_covariances(
     neighbours: int = 10,
     *,
     shape: SurfaceShape = "plane",
-    thinness: float = 1e-3,
+    covariance_epsilon: float = 1e-3,
 ) -> Matrix:
-    """Return the (n, 6) covariances of the surface around each point [m^2].
-
-    Packed upper triangles xx, xy, xz, yy, yz, zz, as the kernels read them;
-    `scanlock.models.gaussians.unpacked` makes (n, 3, 3) matrices of them.
+    """Estimate the covariances of the surface around points from their nearest neighbours.
 
     Parameters
     ----------
     points : (n, 3) or PointTree [m]
-        Thin them first: among the points of one scan line the surface is a line. Of a tree, the
-        rows are those of its own points.
+        Points. Downsample scans first: the neighbours within one scan line are collinear.
     neighbours : int
-        Nearest points that are looked at, the point itself included; all where there are fewer.
+        Number of nearest neighbours, the point itself included; all points of a smaller cloud.
     shape : str
-        What the neighbours are taken for.
-    thinness : float [m^2]
-        Variance across the surface, where that along it is 1.
+        ``"plane"`` or ``"ellipsoid"``, see `SurfaceShape`.
+    covariance_epsilon : float [m^2]
+        Variance along the normal; the largest variance along the surface is 1.
+
+    Returns
+    -------
+    (n, 6) [m^2]
+        Covariances, packed as xx, xy, xz, yy, yz, zz; `scanlock.models.gaussians.unpacked` gives
+        (n, 3, 3) matrices. The rows follow the array, or the points of the tree.
 
     Raises
     ------
     InvalidInput
-        Fewer than 4 neighbours, an unknown shape, or a thinness outside (0, 1].
+        Fewer than 4 neighbours, an unknown shape, or an epsilon outside (0, 1].
 
     Notes
     -----
-    Segal, Haehnel and Thrun (2009) use the plane with a thinness of 1e-3 and 20 neighbours,
-    small_gicp the same with 10.
+    Segal, Haehnel and Thrun (2009) use the plane with an epsilon of 1e-3 and 20 neighbours,
+    small_gicp the same with 10 neighbours.
     """
-    require_surface(neighbours, shape, thinness)
-    return Neighbourhoods.around(points, neighbours).covariances(shape, thinness)
+    require_surface(neighbours, shape, covariance_epsilon)
+    return Neighbourhoods.around(points, neighbours).covariances(shape, covariance_epsilon)
 
 
 def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
-    """Return the (n, 3) unit normals of the surface around each point, towards the zero.
+    """Estimate the (n, 3) unit normals of the surface around points, oriented towards the origin.
 
-    Scans in their sensor's frame thus have normals that face the sensor. Where the neighbours
-    lie on a line or in one place the direction is one of many, and the same in every run.
+    Normals of a scan in the sensor frame thus face the sensor. Where the neighbours are collinear
+    or identical the normal is not unique; the choice is deterministic.
 
     Parameters
     ----------
-    points, neighbours
-        As for `surface_covariances`.
+    points : (n, 3) or PointTree [m]
+        Points, as for `surface_covariances`.
+    neighbours : int
+        Number of nearest neighbours, as for `surface_covariances`.
 
     Raises
     ------
@@ -162,6 +168,6 @@ def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
         Fewer than 4 neighbours.
     """
     normals = Neighbourhoods.around(points, neighbours).axes[:, 0]
-    places = points.points if isinstance(points, PointTree) else points
-    away = np.einsum("na,na->n", normals, places) > 0.0
-    return np.where(away[:, None], -normals, normals)
+    positions = points.points if isinstance(points, PointTree) else points
+    faces_away = np.einsum("na,na->n", normals, positions) > 0.0
+    return np.where(faces_away[:, None], -normals, normals)

@@ -1,4 +1,4 @@
-"""A scan as one Gaussian for each cube of a grid: the distributions of NDT."""
+"""Gaussians of the points in each cell of a voxel grid: the distributions of NDT."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,24 +15,24 @@ from scanlock.models.gaussians import Gaussians
 
 @dataclass(frozen=True, eq=False)
 class VoxelGaussians:
-    """The Gaussians of the occupied cells of a grid.
+    """Gaussians of the occupied cells of a voxel grid.
 
     Attributes
     ----------
     gaussians : Gaussians
-        One for each cell with enough points, by ascending cell.
+        Gaussian of each cell with enough points, in the order of `cells`.
     cells : (k, 3)
-        Whole numbers: the cell of each Gaussian in widths from the corner.
+        Integer grid index of each Gaussian's cell, in ascending order.
     corner : (3,) [m]
-        A corner of the cell (0, 0, 0).
-    width : float [m]
+        Lowest corner of the cell (0, 0, 0).
+    size : float [m]
         Side of the cells.
     """
 
     gaussians: Gaussians
     cells: Labels
     corner: Vector
-    width: float
+    size: float
 
     def __post_init__(self) -> None:
         for array in (self.cells, self.corner):
@@ -43,7 +43,7 @@ class VoxelGaussians:
 
     @cached_property
     def table(self) -> Labels:
-        """The (2^m,) hash of the cells, at most an eighth full: rows, and -1 where empty."""
+        """The (2^m,) hash table of the cells, at most 1/8 full: rows, -1 where empty."""
         table = cell_table(self.cells, 1 << (8 * len(self.cells)).bit_length())
         frozen(table)
         return table
@@ -53,45 +53,50 @@ class VoxelGaussians:
             self.gaussians,
             np.array(self.cells),
             np.array(self.corner),
-            self.width,
+            self.size,
         )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VoxelGrid:
-    """Settings of the grid and of what becomes of the points of a cell."""
+    """Settings of the voxel grid and of the regularisation of its Gaussians."""
 
     min_points: int = 6
-    """Cells of fewer points are left out; 6 in the Point Cloud Library."""
+    """Minimum number of points of a cell with a Gaussian; 6 in the Point Cloud Library."""
 
     variance_ratio: float = 0.01
-    """Variances are raised to this share of the largest of their Gaussian (Magnusson 2009)."""
+    """Minimum variance relative to the largest of the same Gaussian (Magnusson 2009)."""
 
     min_deviation: float = 0.01
-    """Least standard deviation of a Gaussian along any axis [m]: the noise of a good sensor."""
+    """Minimum standard deviation of a Gaussian along any axis [m]: the noise of a good sensor."""
 
     offset: float = 0.0
-    """Where the corner of the grid lies along each axis, as a share of the width."""
+    """Position of the lowest corner of the grid along each axis, as a fraction of the cell size."""
 
     def __post_init__(self) -> None:
-        # The spread of fewer points has no estimate.
+        # An unbiased covariance needs two points.
         require_count("min_points", self.min_points, 2)
         require_fraction("variance_ratio", self.variance_ratio)
-        require_positive("deviation_floor", self.min_deviation, unit="m")
+        require_positive("min_deviation", self.min_deviation, unit="m")
         require_fraction("offset", self.offset)
 
-    def gaussians(self, points: Points, width: float) -> VoxelGaussians:
-        """Return the Gaussians of (n, 3) points [m] in cubes of side `width` [m].
+    def gaussians(self, points: Points, voxel_size: float) -> VoxelGaussians:
+        """Fit Gaussians to (n, 3) points [m] in cells of side `voxel_size` [m].
 
-        Covariances are divided by the count less one, as for any sample whose mean is its own.
+        Covariances are unbiased: divided by the count less one.
+
+        Raises
+        ------
+        InvalidInput
+            `voxel_size` is less than 0.01 m.
         """
-        require_at_least("width", width, 0.01, unit="m")
-        corner = np.full(3, self.offset * width)
-        cells, counts, means, packed = voxel_moments(points, width, corner, self.min_points)
+        require_at_least("voxel_size", voxel_size, 0.01, unit="m")
+        corner = np.full(3, self.offset * voxel_size)
+        cells, counts, means, packed = voxel_moments(points, voxel_size, corner, self.min_points)
         unbiased = packed * (counts / (counts - 1.0))[:, None]
         return VoxelGaussians(
             Gaussians(means, unbiased, counts).regularised(self.min_deviation, self.variance_ratio),
             cells,
             corner,
-            width,
+            voxel_size,
         )

@@ -133,7 +133,7 @@ class AroundTruth:
         if self.angles[-1] > math.pi:
             raise InvalidInput(f"angles must be at most pi rad, got {self.angles[-1]} rad")
         require_count("repeats", self.repeats)
-        require_count("seed", self.seed, least=0)
+        require_count("seed", self.seed, minimum=0)
         if self.axis not in ("vertical", "random"):
             raise InvalidInput(f"axis must be 'vertical' or 'random', got {self.axis!r}")
 

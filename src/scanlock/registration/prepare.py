@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.point_cloud import HasPoints, PointCloud
 from scanlock.interrupts import plain_interrupts
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
@@ -60,7 +60,7 @@ class PreparedScan:
 
 @plain_interrupts()
 def prepare(
-    scan: ArrayLike | PointCloud,
+    scan: ArrayLike | HasPoints | PointCloud,
     *,
     method: str | Method[Any] = DEFAULT_METHOD,
     verify: bool = True,
@@ -134,7 +134,7 @@ def _remarks(cloud: PointCloud) -> Iterator[str]:
             f"coordinates are rounded to {cloud.rounding:.3g} m, as in single precision so far "
             "from zero; read them in double precision, or subtract an offset before storing them"
         )
-    radius = cloud.spread
+    radius = cloud.radius
     if radius > _MAX_RADIUS:
         yield (
             f"half of the points lie more than {radius:.3g} m from their centre; if these are "

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.point_cloud import HasPoints, PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
@@ -27,10 +27,11 @@ from scanlock.registration.verification.decision import decide_status
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
-from scanlock.threads import spread, using_threads
+from scanlock.threads import parallel_map, using_threads
 from scanlock.timing import StageClock
 
-Scan = ArrayLike | PointCloud | PreparedScan
+Scan = ArrayLike | HasPoints | PointCloud | PreparedScan
+"""A scan as `register` takes it."""
 
 _ROUNDING = 1e-6
 """Correction of an initial rotation from which a note is made: above single-precision rounding."""
@@ -54,7 +55,7 @@ def register(
 
     Parameters
     ----------
-    source, target : (n, 3+) array, PointCloud or PreparedScan [m]
+    source, target : (n, 3+) array, object with points, or PreparedScan [m]
         Two scans, each in its sensor's frame with z roughly upwards, or both in one map frame;
         float32 or float64. Columns past the third are ignored, rows with NaN or Inf left out. A
         scan from `prepare` is not prepared again.
@@ -131,7 +132,7 @@ class _Call:
         verify: bool,
     ) -> None:
         self.name, self.method, self.initial = name, method, initial
-        self.target, self.source = spread(
+        self.target, self.source = parallel_map(
             lambda scan: _prepared(*scan, method, verify), ((target, "target"), (source, "source"))
         )
         self.clock = StageClock()

@@ -23,7 +23,7 @@ from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.search.cluster_matching import ClusterMatcher
 from scanlock.segmentation.clusters import ClusterFinder
-from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.ground.finder import GroundFinder, PublishedGroundFinder
 from scanlock.segmentation.segmentation import Segmenter, segment
 
 _SENSOR_HEIGHT = 1.7
@@ -83,7 +83,7 @@ def warm_up_steps() -> list[Callable[[], object]]:
         partial(GroundFinder().find, cloud),
         partial(segment, scan),
         partial(segment, tilted),
-        partial(Segmenter(ground=GroundFinder.das2013()).segment, scan),
+        partial(Segmenter(ground=PublishedGroundFinder()).segment, scan),
         partial(ClusterFinder().grow, above),
         *(partial(match_clusters, level) for level in (Pose.identity(), None)),
     ]

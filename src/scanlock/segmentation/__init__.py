@@ -1,1 +1,1 @@
-"""Ground, clusters, and the Gaussians of the clusters."""
+"""Segmentation of scans: ground, clusters, and Gaussians of the clusters."""

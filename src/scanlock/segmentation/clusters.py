@@ -1,8 +1,8 @@
-"""Greedy clusters of polar bins: beta of Das et al. 2013, section V.
+"""Greedy clustering of polar bins: beta of Das et al. 2013, section V.
 
 The paper grows a cluster from a random bin over the eight neighbours Theta as long as the test
-Phi lets two bins combine. Each Phi here compares two bins and is symmetric, so what grows is a
-connected component of the graph of combinable neighbours, whatever the seed and the order.
+Phi allows two bins to combine. Each test here compares two bins and is symmetric. A cluster is
+therefore a connected component of the graph of bins, independent of the seed and the order.
 """
 
 from collections.abc import Sequence
@@ -29,14 +29,15 @@ from scanlock.models.gaussians import Gaussians
 
 
 @dataclass(frozen=True, eq=False)
-class Bins:
-    """Points in bins, none of them empty, and what a test may ask of the bins.
+class BinnedPoints:
+    """Points grouped into non-empty bins, with the statistics that merge tests compare.
 
     Attributes
     ----------
     points : (n, 3) [m]
+        Points.
     labels : (n,)
-        The bin of each point, -1 for none.
+        Bin of each point, -1 for none.
     count : int
         Number k of bins.
     """
@@ -47,138 +48,150 @@ class Bins:
 
     @cached_property
     def means(self) -> Points:
-        """The (k, 3) means [m]; much cheaper than all of the Gaussians."""
+        """The (k, 3) means of the bins [m]; much cheaper than `gaussians`."""
         _, means = labelled_means(read_only(self.points), read_only(self.labels), self.count)
         return read_only(means)
 
     @cached_property
     def gaussians(self) -> Gaussians:
-        """The k Gaussians."""
+        """The k Gaussians of the bins."""
         return Gaussians.from_labels(self.points, self.labels)
 
 
 class MergeTest(Protocol):
-    """Phi: whether the points of two bins can be combined."""
+    """Test Phi: whether the points of two bins are combined."""
 
-    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
-        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+    def merges(self, bins: BinnedPoints, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether bin ``first[i]`` combines with bin ``second[i]``."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MeanDistance:
-    """Phi by the Euclidean distance between the means of the two bins."""
+    """Test Phi by the Euclidean distance between the means of two bins."""
 
-    limit: float = 1.5
-    """Bins combine when their means are closer than this [m]."""
+    max_distance: float = 1.5
+    """Distance between means below which bins combine [m]."""
 
     def __post_init__(self) -> None:
-        require_positive("limit", self.limit, unit="m")
+        require_positive("max_distance", self.max_distance, unit="m")
 
-    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
-        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
-        return close_pairs(bins.means, read_only(first), read_only(second), float(self.limit))
+    def merges(self, bins: BinnedPoints, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether bin ``first[i]`` combines with bin ``second[i]``."""
+        limit = float(self.max_distance)
+        return close_pairs(bins.means, read_only(first), read_only(second), limit)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class L2Distance:
-    """Phi by the L2 distance between the Gaussians of the two bins.
+    """Test Phi by the L2 distance between the Gaussians of two bins.
 
-    The raw distance has the unit of a density, so one limit cannot fit bins of every size; the
-    distance between the densities scaled to unit L2 norm is ``2 - 2 c`` with the correlation
+    The plain distance has the unit of a density, so no single threshold suits bins of all sizes.
+    Between densities of unit L2 norm it is ``2 - 2 c`` with the correlation
     ``c = int f g / sqrt(int f^2 int g^2)`` in [0, 1].
     """
 
-    least_correlation: float = 0.1
-    """Bins combine when the correlation of their densities is above this."""
+    min_correlation: float = 0.1
+    """Correlation of the densities above which bins combine."""
 
     min_deviation: float = 0.2
-    """Least standard deviation of a bin [m]; flat bins would correlate with nothing."""
+    """Minimum standard deviation of a bin [m]; flat bins would correlate with no other."""
 
     def __post_init__(self) -> None:
-        require_fraction("least_correlation", self.least_correlation)
-        require_positive("deviation_floor", self.min_deviation, unit="m")
+        require_fraction("min_correlation", self.min_correlation)
+        require_positive("min_deviation", self.min_deviation, unit="m")
 
-    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
-        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+    def merges(self, bins: BinnedPoints, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether bin ``first[i]`` combines with bin ``second[i]``."""
         regularised = bins.gaussians.regularised(self.min_deviation)
         a, b = regularised.taken(first), regularised.taken(second)
         both = a.covariances + b.covariances
         squared = _squared_mahalanobis(a.means - b.means, both)
         # N(0; 0, 2S) = 1 / sqrt(det(2 pi 2 S)): the factors of 2 pi cancel in the ratio.
         log_norms = 0.25 * (_log_det(2.0 * a.covariances) + _log_det(2.0 * b.covariances))
-        return -0.5 * squared - 0.5 * _log_det(both) + log_norms > np.log(self.least_correlation)
+        return -0.5 * squared - 0.5 * _log_det(both) + log_norms > np.log(self.min_correlation)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GaussianFit:
-    """Phi by how well one Gaussian fits the points of both bins.
+    """Test Phi by the fit of one Gaussian to the points of two bins.
 
-    One Gaussian cannot stand for two heaps: if the means are farther apart than `limit`
-    deviations of the scatter within the bins, along the direction between them, the union has
-    a gap. A Gaussian cut in half measures 2.7, an even strip cut in half 3.5.
+    The test compares the Mahalanobis distance of the means, with the pooled covariance of the
+    bins, to a threshold. Two halves of a Gaussian have a distance of 2.7, two halves of a uniform
+    strip 3.5; a larger distance means a gap between the bins.
     """
 
-    limit: float = 3.5
-    """Largest distance of the means in pooled deviations."""
+    max_mahalanobis: float = 3.5
+    """Mahalanobis distance of the means below which bins combine."""
 
     min_deviation: float = 0.2
-    """Least standard deviation of a bin [m]."""
+    """Minimum standard deviation of the pooled covariance [m]."""
 
     def __post_init__(self) -> None:
-        require_positive("limit", self.limit)
-        require_positive("deviation_floor", self.min_deviation, unit="m")
+        require_positive("max_mahalanobis", self.max_mahalanobis)
+        require_positive("min_deviation", self.min_deviation, unit="m")
 
-    def merges(self, bins: Bins, first: Labels, second: Labels) -> Mask:
-        """Return (m,) whether the bins of the rows `first` combine with those of `second`."""
+    def merges(self, bins: BinnedPoints, first: Labels, second: Labels) -> Mask:
+        """Return (m,) whether bin ``first[i]`` combines with bin ``second[i]``."""
         a, b = bins.gaussians.taken(first), bins.gaussians.taken(second)
-        share = (a.counts / (a.counts + b.counts))[:, None, None]
+        fraction = (a.counts / (a.counts + b.counts))[:, None, None]
         pooled = Gaussians.from_covariances(
-            a.means, share * a.covariances + (1.0 - share) * b.covariances, a.counts
+            a.means, fraction * a.covariances + (1.0 - fraction) * b.covariances, a.counts
         ).regularised(self.min_deviation)
         squared = _squared_mahalanobis(a.means - b.means, pooled.covariances)
-        return squared < self.limit**2
+        return squared < self.max_mahalanobis**2
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClusterFinder:
-    """Settings of greedy clustering: bins, the test Phi, and what counts as a cluster."""
+    """Settings of greedy clustering: the bins, the merge test and the size of clusters."""
 
     grid: PolarGrid = field(default_factory=PolarGrid)
-    """The polar grid of tau; points beyond its range belong to no cluster."""
+    """Polar grid tau; points outside its range belong to no cluster."""
 
     merge: MergeTest = field(default_factory=MeanDistance)
-    """The test Phi."""
+    """Merge test Phi."""
 
     max_radius: float = 3.0
-    """A cluster with a point farther than this from its mean is cut [m].
+    """Largest distance of a point from the mean of its cluster [m]; larger clusters are split.
 
-    A wall would else become one Gaussian whose mean depends on how much of it was seen.
+    The mean of an unsplit wall would depend on its visible extent.
     """
 
     min_points: int = 6
-    """Clusters of fewer points are dropped: they define no covariance."""
+    """Minimum number of points of a cluster; smaller ones are dropped."""
 
     def __post_init__(self) -> None:
-        require_positive("largest_radius", self.max_radius, unit="m")
+        require_positive("max_radius", self.max_radius, unit="m")
         require_at_least("min_points", self.min_points, 1)
 
     def label(self, points: Points) -> tuple[Labels, int]:
-        """Return the cluster of each (n, 3) sensor-frame point, -1 for none, and their number.
+        """Cluster points in the sensor frame.
 
-        Clusters are numbered by their first bin: sector by sector, outwards.
+        Parameters
+        ----------
+        points : (n, 3) [m]
+            Points without ground.
+
+        Returns
+        -------
+        labels : (n,)
+            Cluster of each point, -1 for none. Clusters are numbered by their first bin: by
+            sector, then by range.
+        count : int
+            Number of clusters.
         """
         labels, count = self.grow(points)
-        labels, count = self.cut(points, labels, count, self.max_radius)
+        labels, count = self.split(points, labels, count, self.max_radius)
         return _without_small(labels, count, self.min_points)
 
     def grow(self, points: Points) -> tuple[Labels, int]:
-        """Return the clusters as they grow, whatever their size and extent."""
+        """Return the connected clusters of any size; parameters and results are as for `label`."""
         points = read_only(points)
         cells = self.grid.cells(points)
         bin_of_point, occupied = occupied_cells(cells, self.grid.sectors * self.grid.bins)
-        bins = Bins(points, bin_of_point, len(occupied))
-        # Theta: the eight bins around one.
+        bins = BinnedPoints(points, bin_of_point, len(occupied))
+        # Theta: the eight neighbours of a bin.
         first, second = touching_cells(occupied, int(self.grid.sectors), self.grid.bins)
         joins = self.merge.merges(bins, first, second)
         cluster_of_bin, count = joined_groups(
@@ -186,53 +199,79 @@ class ClusterFinder:
         )
         return regrouped(read_only(bin_of_point), read_only(cluster_of_bin)), count
 
-    def cut(
+    def split(
         self, points: Points, labels: Labels, count: int, max_radius: float
     ) -> tuple[Labels, int]:
-        """Return the clusters cut in two until none is larger than `max_radius` [m].
+        """Split clusters in two until none is larger than `max_radius` [m].
 
-        Cutting to a large radius first and to a smaller one then gives the same clusters as
-        cutting to the smaller one at once.
+        Splits are nested: splitting to a large radius and then to a smaller one gives the clusters
+        of splitting to the smaller one.
+
+        Parameters
+        ----------
+        points : (n, 3) [m]
+            Points.
+        labels : (n,)
+            Cluster of each point, -1 for none.
+        count : int
+            Number of clusters.
+        max_radius : float [m]
+            Largest distance of a point from the mean of its cluster.
+
+        Returns
+        -------
+        labels, count
+            As given, after the splits.
         """
-        rows, runs, _ = _cut(points, labels, count, [max_radius], keeps_rows=True)
+        rows, runs, _ = _split(points, labels, count, [max_radius], keeps_rows=True)
         order = np.argsort(runs[:, 1])
-        cut = np.full(len(points), -1, np.int64)
-        cut[rows] = np.repeat(order, (runs[:, 2] - runs[:, 1])[order])
-        return cut, len(runs)
+        split = np.full(len(points), -1, np.int64)
+        split[rows] = np.repeat(order, (runs[:, 2] - runs[:, 1])[order])
+        return split, len(runs)
 
     def gaussians(
         self, points: Points, labels: Labels, count: int, radii: Sequence[float]
     ) -> list[Gaussians]:
-        """Return the Gaussians of the clusters cut to each radius [m], which must not grow.
+        """Return the Gaussians of the clusters after `split` to each radius.
 
-        Those of clusters as `cut` leaves them, but for those of fewer than `least_count` points.
+        Parameters
+        ----------
+        points, labels, count
+            As for `split`.
+        radii : sequence of float [m]
+            Largest cluster radii, in descending order.
+
+        Returns
+        -------
+        list of Gaussians
+            One set for each radius, without clusters of fewer than `min_points` points.
         """
-        _, runs, moments = _cut(points, labels, count, radii, keeps_rows=False)
+        _, runs, moments = _split(points, labels, count, radii, keeps_rows=False)
         sizes = runs[:, 2] - runs[:, 1]
-        kept = [
+        rows = [
             np.flatnonzero((runs[:, 0] == scale) & (sizes >= self.min_points))
             for scale in range(len(radii))
         ]
-        return [Gaussians(moments[k, :3], moments[k, 3:], sizes[k]) for k in kept]
+        return [Gaussians(moments[k, :3], moments[k, 3:], sizes[k]) for k in rows]
 
 
-def _cut(
+def _split(
     points: Points, labels: Labels, count: int, radii: Sequence[float], *, keeps_rows: bool
 ) -> tuple[Labels, Labels, Matrix]:
     scales = read_only(np.array(radii, np.float64))
     return cut_by_extent(read_only(points), read_only(labels), count, scales, keeps_rows)
 
 
-def _without_small(labels: Labels, count: int, least_count: int) -> tuple[Labels, int]:
+def _without_small(labels: Labels, count: int, min_points: int) -> tuple[Labels, int]:
     sizes = np.bincount(labels[labels >= 0], minlength=count)
-    kept = sizes >= least_count
-    renumbered = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
-    return renumbered[labels], int(kept.sum())
+    is_large = sizes >= min_points
+    renumbered = np.append(np.where(is_large, np.cumsum(is_large) - 1, -1), -1)
+    return renumbered[labels], int(is_large.sum())
 
 
-def _squared_mahalanobis(gaps: Points, covariances: NDArray[np.float64]) -> Vector:
-    solved = np.linalg.solve(covariances, gaps[:, :, None])[:, :, 0]
-    return np.einsum("mi,mi->m", gaps, solved)
+def _squared_mahalanobis(differences: Points, covariances: NDArray[np.float64]) -> Vector:
+    solved = np.linalg.solve(covariances, differences[:, :, None])[:, :, 0]
+    return np.einsum("mi,mi->m", differences, solved)
 
 
 def _log_det(covariances: NDArray[np.float64]) -> Vector:

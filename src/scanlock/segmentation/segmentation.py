@@ -1,4 +1,4 @@
-"""Ground and clusters of one scan, in the rows of the caller's own array."""
+"""Segmentation of one scan into ground and clusters, by row of the input array."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,35 +8,47 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
-from scanlock.clouds.point_cloud import PointCloud
+from scanlock.clouds.point_cloud import HasPoints, PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.interrupts import plain_interrupts
 from scanlock.kernels.points.rows import chosen_points
 from scanlock.segmentation.clusters import ClusterFinder
-from scanlock.segmentation.ground.finder import Ground, GroundFinder, GroundStatus
+from scanlock.segmentation.ground.finder import (
+    Ground,
+    GroundDetector,
+    GroundFinder,
+    GroundStatus,
+)
 
 GROUND = 0
-"""Label of ground points; clusters count from 1."""
+"""Label of ground points; clusters have the labels 1 to k."""
 
 LEFT_OUT = -1
-"""Label of points that are neither: not finite, at zero, beneath the ground (reflections), out of
-range, or in too small a cluster."""
+"""Label of all other points.
+
+These are not finite, at the origin (no return), below the ground (reflections), out of range, or in
+clusters of too few points.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """What each point of a scan belongs to.
+    """Segmentation of a scan into ground and clusters.
+
+    Unlike other labels of scanlock, `labels` contain the ground as well: 0 is ground, so the
+    clusters are numbered from 1, and cluster ``clusters[j]`` has the label ``j + 1``. A point that
+    is neither has the label -1.
 
     Attributes
     ----------
     labels : (n,) int64
-        One for each row of the caller's array: 0 ground, 1..k clusters, -1 neither.
+        Label of each row of the input array: 0 for ground, 1 to k for clusters, -1 for neither.
     cluster_count : int
         Number k of clusters.
     ground : Ground
-        How the ground was found, or why not; its arrays follow ``cloud.points``.
+        Result of ground segmentation; its arrays follow ``cloud.points``.
     cloud : PointCloud
-        The checked points.
+        Validated points.
     """
 
     labels: Labels
@@ -49,19 +61,19 @@ class Segmentation:
 
     @property
     def is_ground(self) -> Mask:
-        """(n,) bool, one for each row of the caller's array."""
+        """(n,) whether each row of the input array is ground."""
         return self.labels == GROUND
 
     @cached_property
     def clusters(self) -> tuple[Labels, ...]:
-        """Rows of the caller's array in each cluster; ``clusters[j]`` has label ``j + 1``."""
+        """Rows of the input array in each cluster; ``clusters[j]`` has the label ``j + 1``."""
         order = np.argsort(self.labels, kind="stable")
         starts = np.searchsorted(self.labels[order], np.arange(1, self.cluster_count + 2))
         return tuple(order[a:b] for a, b in pairwise(starts))
 
     @property
     def height(self) -> Vector:
-        """(n,) height above the modelled ground [m] for the caller's rows; NaN if unknown."""
+        """(n,) height of each row of the input array above the ground [m]; NaN if unknown."""
         full = np.full(self.cloud.input_count, np.nan)
         full[self.cloud.rows] = self.ground.height
         return full
@@ -69,16 +81,16 @@ class Segmentation:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Segmenter:
-    """Settings of segmentation: how the ground is found, how the rest is clustered."""
+    """Settings of segmentation."""
 
-    ground: GroundFinder = field(default_factory=GroundFinder)
-    """Finds the ground, chi."""
+    ground: GroundDetector = field(default_factory=GroundFinder)
+    """Ground segmentation, chi."""
 
     clusters: ClusterFinder = field(default_factory=ClusterFinder)
-    """Clusters what is not ground, beta."""
+    """Clustering of the points above the ground, beta."""
 
-    def segment(self, points: ArrayLike | PointCloud) -> Segmentation:
-        """Return what each row of an (n, 3+) array or a cloud belongs to."""
+    def segment(self, points: ArrayLike | HasPoints | PointCloud) -> Segmentation:
+        """Segment a scan; parameters and errors are those of `scanlock.segment`."""
         cloud = PointCloud.from_array(points)
         ground = self.ground.find(cloud)
         obstacles = np.flatnonzero(is_obstacle(cloud, ground))
@@ -89,25 +101,25 @@ class Segmenter:
 
 
 def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
-    """Return which points of a cloud stand on its ground: neither of it nor beneath it.
+    """Return (n,) whether each point of a cloud is an obstacle: neither ground nor below it.
 
-    Nor is one that measured nothing: thousands of them would make the heaviest cluster of all,
-    at the sensor.
+    Points at the origin (no return) are not obstacles. Thousands of them would form the largest
+    cluster.
     """
     return cloud.is_measured & ~(ground.is_ground | ground.is_below)
 
 
 def obstacle_points(cloud: PointCloud, ground: Ground) -> Points:
-    """Return the (m, 3) points of a cloud for which `is_obstacle` holds."""
+    """Return the (m, 3) obstacle points of a cloud [m]; see `is_obstacle`."""
     points = chosen_points(cloud.points, read_only(is_obstacle(cloud, ground)))
     frozen(points)
     return points
 
 
 def upright(points: Points, ground: Ground) -> Points:
-    """Return the points turned so that a tilted sensor's ground lies level.
+    """Return points [m] levelled by the ground of a tilted sensor, otherwise unchanged.
 
-    Polar bins are columns: across a tilted scene they would mix what stands side by side.
+    Polar bins are vertical columns; in a tilted frame one bin would contain neighbouring objects.
     """
     if ground.status is not GroundStatus.TILTED:
         return points
@@ -115,22 +127,24 @@ def upright(points: Points, ground: Ground) -> Points:
 
 
 @plain_interrupts()
-def segment(points: ArrayLike | PointCloud, segmenter: Segmenter | None = None) -> Segmentation:
-    """Return the ground and the clusters of one scan.
+def segment(
+    points: ArrayLike | HasPoints | PointCloud, segmenter: Segmenter | None = None
+) -> Segmentation:
+    """Segment a scan into ground and clusters.
 
     Parameters
     ----------
-    points : (n, 3+) array or PointCloud [m]
-        One scan in the sensor's frame, z roughly upwards; float32 or float64, columns past the
-        third ignored. Rows with NaN or Inf get the label -1.
+    points : (n, 3+) array, object with one as its attribute ``points``, or PointCloud [m]
+        Scan in the sensor frame, z roughly upwards; float32 or float64. Columns past the third are
+        ignored. Rows with NaN or Inf get the label -1.
     segmenter : Segmenter, optional
-        Settings; the defaults need no sensor height.
+        Settings; the defaults require no sensor height.
 
     Returns
     -------
     Segmentation
-        ``labels``, ``is_ground`` and ``clusters`` follow the rows of `points`. A scan without
-        a believable ground has none: ``ground.status`` and ``ground.reason`` say so.
+        Labels in the order of the rows of `points`. Without reliable ground no point is ground;
+        see ``ground.status`` and ``ground.reason``.
 
     Raises
     ------

@@ -34,7 +34,7 @@ def drive_through(scene: str, *, count: int, seed: int) -> tuple[Scene, Drive]:
     InvalidInput
         An unknown scene.
     """
-    require_count("seed", seed, least=0)
+    require_count("seed", seed, minimum=0)
     make = _named("scene", scene, SCENES)
     building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
     place = make(building)
@@ -61,7 +61,7 @@ class SimulatedSequence:
     seed: int
 
     def __post_init__(self) -> None:
-        require_count("seed", self.seed, least=0)
+        require_count("seed", self.seed, minimum=0)
 
     def __len__(self) -> int:
         return len(self.drive)
@@ -133,7 +133,7 @@ def scan_pair(
     InvalidInput
         An unknown name, or a baseline whose ends are negative or in the wrong order.
     """
-    require_count("seed", seed, least=0)
+    require_count("seed", seed, minimum=0)
     if not 0.0 <= baseline[0] <= baseline[1]:
         raise InvalidInput(f"baseline must be 0 <= least <= greatest, got {baseline} m")
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]

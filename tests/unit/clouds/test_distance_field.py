@@ -9,30 +9,30 @@ def _points():
     return np.random.default_rng(0).uniform(-6.0, 6.0, (40, 3))
 
 
-def test_it_is_the_distance_to_the_nearest_point_to_within_the_cubes():
+def test_distances_are_accurate_to_the_voxels():
     points = _points()
     field = DistanceField.from_points(points, 0.25, 3.0)
     queries = np.random.default_rng(1).uniform(-6.0, 6.0, (500, 3))
     exact = np.linalg.norm(queries[:, None] - points, axis=2).min(axis=1)
-    # Either end moves to the middle of its cube: by half a diagonal at most.
+    # Either end moves to the centre of its voxel, by half a diagonal at most.
     assert np.abs(field.at(queries) - np.minimum(exact, 3.0)).max() <= 0.25 * np.sqrt(3.0)
 
 
-def test_beyond_the_truncation_all_is_equally_far():
+def test_distances_are_truncated():
     field = DistanceField.from_points(_points(), 0.5, 2.0)
     np.testing.assert_array_equal(field.at(np.array([[50.0, 0, 0], [0, 0, -1e6]])), 2.0)
     assert field.distances.max() == 2.0
     assert not field.distances.flags.writeable
 
 
-def test_a_stray_does_not_size_the_grid():
-    strays = np.vstack([_points(), [[1e5, 0.0, 0.0]]])
-    field = DistanceField.from_points(strays, 0.5, 2.0)
+def test_an_outlier_does_not_enlarge_the_grid():
+    points = np.vstack([_points(), [[1e5, 0.0, 0.0]]])
+    field = DistanceField.from_points(points, 0.5, 2.0)
     assert field.distances.shape == DistanceField.from_points(_points(), 0.5, 2.0).distances.shape
 
 
-def test_what_makes_no_field_is_refused():
-    with pytest.raises(InvalidInput, match="points must hold at least one"):
+def test_invalid_input_is_rejected():
+    with pytest.raises(InvalidInput, match="points must contain at least one"):
         DistanceField.from_points(np.empty((0, 3)), 0.5, 2.0)
-    with pytest.raises(InvalidInput, match="width must be positive"):
+    with pytest.raises(InvalidInput, match="voxel_size must be positive"):
         DistanceField.from_points(_points(), 0.0, 2.0)

@@ -1,4 +1,6 @@
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -70,12 +72,12 @@ def test_every_layout_becomes_the_same_points(array):
 
 
 @pytest.mark.parametrize("kind", [np.int8, np.uint16, np.int32, np.int64, np.float16])
-def test_whole_numbers_and_short_floats_are_converted(kind):
+def test_integers_and_half_precision_are_converted(kind):
     cloud = PointCloud.from_array(np.arange(12, dtype=kind).reshape(4, 3))
     np.testing.assert_array_equal(cloud.points, np.arange(12.0).reshape(4, 3))
 
 
-def test_the_callers_array_stays_untouched_and_writable_and_is_not_copied():
+def test_the_input_array_is_not_changed_frozen_or_copied():
     array = _XYZ.copy()
     cloud = PointCloud.from_array(array)
     assert np.shares_memory(cloud.points, array)
@@ -86,7 +88,7 @@ def test_the_callers_array_stays_untouched_and_writable_and_is_not_copied():
 
 
 @pytest.mark.parametrize("shift", [np.zeros(3), _UTM])
-def test_an_array_with_gaps_stays_untouched_and_writable(shift):
+def test_an_input_array_with_invalid_rows_is_not_changed_or_frozen(shift):
     array = _XYZ + shift
     array[3] = np.nan
     before = array.copy()
@@ -96,7 +98,7 @@ def test_an_array_with_gaps_stays_untouched_and_writable(shift):
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_rows_that_are_not_finite_are_left_out_and_mapped_back(kind):
+def test_rows_that_are_not_finite_are_dropped_and_mapped_back(kind):
     array = _XYZ.astype(kind)
     array[0, 0] = np.nan
     array[7] = np.inf
@@ -117,16 +119,16 @@ def test_infinities_that_cancel_are_still_found():
     assert PointCloud.from_array(array).dropped_count == 2
 
 
-@pytest.mark.parametrize("garbage", [1e300, -1e308, 1.7e308, 2e12])
-def test_coordinates_that_are_no_places_are_left_out(garbage):
+@pytest.mark.parametrize("coordinate", [1e300, -1e308, 1.7e308, 2e12])
+def test_coordinates_beyond_the_valid_range_are_dropped(coordinate):
     array = _XYZ.copy()
-    array[[2, 9, 30], 1] = garbage
+    array[[2, 9, 30], 1] = coordinate
     cloud = PointCloud.from_array(array)
     np.testing.assert_array_equal(np.setdiff1d(np.arange(40), cloud.rows), [2, 9, 30])
     assert np.isfinite(cloud.points).all()
 
 
-def test_numbers_too_large_for_float64_are_left_out():
+def test_numbers_too_large_for_float64_are_dropped():
     array = _XYZ.astype(np.longdouble)
     array[2, 0] = np.finfo(np.longdouble).max
     assert PointCloud.from_array(array).dropped_count == int(
@@ -134,8 +136,8 @@ def test_numbers_too_large_for_float64_are_left_out():
     )
 
 
-def test_many_large_but_real_coordinates_are_all_kept():
-    # Together they fail the quick test on the sum of squares; each alone is a place.
+def test_many_large_but_valid_coordinates_are_kept():
+    # Each coordinate is valid, although the sum of their squares is large.
     array = np.full((20, 3), 9e11) + np.arange(20)[:, None]
     cloud = PointCloud.from_array(array)
     assert cloud.dropped_count == 0
@@ -159,16 +161,19 @@ def test_many_large_but_real_coordinates_are_all_kept():
         (None, r"scan must be an \(n, 3\) array, got None; scanlock.io.read_scan reads files"),
         ("a.ply", r"got 'a.ply'; scanlock.io.read_scan"),
         (Path("a.ply"), r"scanlock.io.read_scan"),
-        (np.zeros((3, 64)), r"scan must hold one point a row, got shape \(3, 64\); .* scan.T"),
+        (
+            np.zeros((3, 64)),
+            r"scan must have one point in each row, got shape \(3, 64\); .* scan.T",
+        ),
         (np.zeros(5, [("x", float), ("y", float)]), r"got the fields x, y; .*np.column_stack"),
     ],
 )
-def test_what_is_no_cloud_is_refused_by_name(array, message):
+def test_invalid_clouds_are_rejected_by_name(array, message):
     with pytest.raises(InvalidInput, match=message):
         PointCloud.from_array(array, name="scan")
 
 
-def test_a_cloud_passes_through_the_gate_unchanged():
+def test_a_cloud_is_returned_unchanged():
     cloud = PointCloud.from_array(_XYZ)
     assert PointCloud.from_array(cloud) is cloud
 
@@ -178,24 +183,23 @@ def test_one_point_is_a_cloud():
 
 
 def test_sensor_coordinates_keep_the_sensor_as_origin():
-    # A long corridor and a few returns beyond the limit do not move the sensor's own zero.
+    # Few points beyond the threshold, as in a long corridor, do not move the origin.
     array = np.vstack([_XYZ, [[50_000.0, 0.0, 0.0]]])
     np.testing.assert_array_equal(PointCloud.from_array(array).origin, [0, 0, 0])
 
 
-def test_projected_coordinates_keep_their_digits():
+def test_projected_coordinates_keep_their_accuracy():
     array = _XYZ + _UTM + 1e-7
     cloud = PointCloud.from_array(array)
     assert np.abs(cloud.points).max() < 200.0
     np.testing.assert_array_equal(cloud.origin, np.round(cloud.origin))
-    gap = (np.linalg.norm(cloud.points - cloud.points[0], axis=1)) - np.linalg.norm(
-        _XYZ - _XYZ[0], axis=1
-    )
-    assert np.abs(gap).max() < 1e-8
+    distances = np.linalg.norm(cloud.points - cloud.points[0], axis=1)
+    expected = np.linalg.norm(_XYZ - _XYZ[0], axis=1)
+    assert np.abs(distances - expected).max() < 1e-8
     assert np.abs(cloud.points + cloud.origin - array).max() < 1e-9
 
 
-def test_garbage_among_projected_coordinates_does_not_move_the_origin():
+def test_outliers_among_projected_coordinates_do_not_move_the_origin():
     array = _XYZ + _UTM
     array[::10] = [1e11, -1e11, 0.0]
     cloud = PointCloud.from_array(array)
@@ -216,7 +220,7 @@ def test_a_pickled_cloud_is_read_only_again():
 def test_points_at_zero_of_a_sensor_frame_are_not_measured():
     points = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0, 0.0, 0.0], [3.0, 0.0, 2.0]])
     assert PointCloud.from_array(points).is_measured.tolist() == [False, True, False, True]
-    # Zero of a recentred cloud is a place like any other.
+    # The origin of a recentred cloud is a valid position.
     offset = np.array([5e5, 5e6, 0.0])
     around = np.concatenate([points, -points]) + offset
     cloud = PointCloud.from_array(around)
@@ -235,18 +239,70 @@ def test_masked_coordinates_count_as_not_finite():
 
 
 @pytest.mark.parametrize(("kind", "expected"), [(np.float64, 2**-30), (np.float32, 0.5)])
-def test_a_cloud_tells_what_its_coordinates_were_rounded_to(kind, expected):
+def test_the_rounding_of_projected_coordinates_is_estimated(kind, expected):
     rng = np.random.default_rng(0)
     far = (rng.uniform(-30.0, 30.0, (900, 3)) + np.array([5e5, 5.4e6, 0.0])).astype(kind)
-    # Converted late, the digits are lost all the same.
+    # Single precision that was converted to double is recognised too.
     assert PointCloud.from_array(far.astype(np.float64)).rounding == expected
     assert PointCloud.from_array(far).rounding == expected
     assert PointCloud.from_array(far - far[0]).rounding == 0.0
 
 
-def test_a_centroid_is_the_mean_in_the_callers_coordinates():
+def test_the_centroid_is_the_mean_in_input_coordinates():
     points = np.random.default_rng(0).uniform(-30.0, 30.0, (900, 3)) + np.array([5e5, 5.4e6, 0.0])
     cloud = PointCloud.from_array(points)
     np.testing.assert_allclose(cloud.centroid, points.mean(axis=0), atol=1e-6)
     assert not cloud.centroid.flags.writeable
-    assert cloud.spread == pytest.approx(PointCloud.from_array(points - points[0]).spread)
+    assert cloud.radius == pytest.approx(PointCloud.from_array(points - points[0]).radius)
+
+
+class _OtherCloud:
+    """Stand-in for the point clouds of other libraries, such as Open3D."""
+
+    def __init__(self, points):
+        self.points = points
+
+
+class _Convertible:
+    """Stand-in for a vector type that NumPy converts, such as Open3D's Vector3dVector."""
+
+    def __init__(self, array):
+        self._array = array
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self._array, dtype)
+
+
+@pytest.mark.parametrize("points", [_XYZ, _XYZ.tolist(), _Convertible(_XYZ)], ids=type)
+def test_an_object_with_points_is_accepted(points):
+    np.testing.assert_array_equal(PointCloud.from_array(_OtherCloud(points)).points, _XYZ)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (_OtherCloud(np.zeros((5, 2))), r"scan.points must have shape \(n, 3\) or wider, got"),
+        (_OtherCloud(object()), r"scan.points must be an \(n, 3\) array .* got object; convert"),
+        (_OtherCloud(None), "scan must be an .* attribute points, got _OtherCloud; convert it"),
+        (object(), r"scan must be an \(n, 3\) array or have one as its attribute points, got obj"),
+    ],
+)
+def test_an_object_without_valid_points_is_rejected_by_name(given, message):
+    with pytest.raises(InvalidInput, match=message):
+        PointCloud.from_array(given, name="scan")
+
+
+def test_memory_settings_change_with_the_first_cloud_and_not_on_import():
+    code = """
+from scanlock.clouds import memory
+calls = []
+memory.keep_freed_memory = lambda: calls.append(1)
+from scanlock.clouds.point_cloud import PointCloud
+counts = [len(calls)]
+for _ in range(2):
+    PointCloud.from_array([[1.0, 2.0, 3.0]])
+    counts.append(len(calls))
+print(counts)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[0, 1, 1]\n"

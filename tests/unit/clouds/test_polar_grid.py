@@ -51,7 +51,7 @@ def test_edges_match_the_definition(grid):
 
 
 @pytest.mark.parametrize("grid", _GRIDS)
-def test_a_range_on_an_edge_belongs_to_the_bin_outside_it(grid):
+def test_a_range_on_an_edge_belongs_to_the_outer_bin(grid):
     edges = grid.edges
     np.testing.assert_array_equal(grid.cells(_on_x_axis(edges[:-1])), np.arange(grid.bins))
     just_inside = np.nextafter(edges[1:], 0.0)
@@ -59,15 +59,15 @@ def test_a_range_on_an_edge_belongs_to_the_bin_outside_it(grid):
     assert grid.cells(_on_x_axis([grid.max_range])) == [-1]
 
 
-def test_no_bin_is_made_of_rounding_alone():
-    # 0.1 goes 30 times into 3, but 3.0 / 0.1 is a little less and 30 * 0.1 a little more.
-    for width, reach in itertools.product([0.1, 0.2, 0.3, 0.7], [3.0, 4.2, 8.4, 42.0]):
-        count = round(reach / width, 6)
-        assert PolarGrid(first_width=width, max_range=reach).bins == int(np.ceil(count))
+def test_rounding_makes_no_additional_bin():
+    # Rounding: 3.0 / 0.1 is less than 30, and 30 * 0.1 more than 3.
+    for width, max_range in itertools.product([0.1, 0.2, 0.3, 0.7], [3.0, 4.2, 8.4, 42.0]):
+        count = round(max_range / width, 6)
+        assert PolarGrid(first_width=width, max_range=max_range).bins == int(np.ceil(count))
 
 
 @pytest.mark.parametrize("sectors", [3, 4, 180, 361])
-def test_azimuth_wraps_without_a_seam(sectors):
+def test_azimuth_wraps_without_a_gap(sectors):
     grid = PolarGrid(sectors=sectors, max_range=10.0, first_width=10.0)
     middles = (np.arange(-2 * sectors, 2 * sectors) + 0.5) * 2 * np.pi / sectors
     points = np.column_stack([np.cos(middles), np.sin(middles), 0 * middles])
@@ -75,17 +75,17 @@ def test_azimuth_wraps_without_a_seam(sectors):
     np.testing.assert_array_equal(grid.cells(points), expected)
 
 
-def test_the_seam_itself_belongs_to_the_first_sector():
+def test_azimuth_zero_belongs_to_the_first_sector():
     grid = PolarGrid(sectors=180, max_range=10.0, first_width=10.0)
     seam = np.array([[1.0, 0.0, 0.0], [1.0, -0.0, 0.0], [0.0, 0.0, 5.0]])
     np.testing.assert_array_equal(grid.cells(seam), [0, 0, 0])
-    # Straight behind the sensor both signs of zero are the same azimuth, half a turn.
+    # Behind the sensor, both signs of a zero y give the azimuth pi.
     np.testing.assert_array_equal(grid.cells(np.array([[-1.0, 0.0, 0], [-1.0, -0.0, 0]])), [90, 90])
 
 
 @pytest.mark.parametrize("y", [-1e-300, -1e-20, -1e-16, -1e-9])
 @pytest.mark.parametrize("sectors", [3, 180, 360, 1000])
-def test_an_azimuth_rounded_up_to_a_full_turn_stays_in_the_last_sector(sectors, y):
+def test_an_azimuth_rounded_to_two_pi_remains_in_the_last_sector(sectors, y):
     grid = PolarGrid(sectors=sectors, max_range=10.0, first_width=10.0)
     np.testing.assert_array_equal(grid.cells(np.array([[1.0, y, 0.0]])), [sectors - 1])
 
@@ -110,12 +110,12 @@ def test_cells_are_read_only_integers():
         ({"growth": 0.99}, "growth must be at least 1.0, got 0.99"),
     ],
 )
-def test_settings_out_of_range_are_refused_by_name(settings, message):
+def test_invalid_settings_are_rejected_by_name(settings, message):
     with pytest.raises(InvalidInput, match=message):
         PolarGrid(**settings)
 
 
-def test_one_compiled_signature_whatever_comes_through_the_gate():
+def test_every_input_of_a_cloud_uses_one_compiled_signature():
     rng = np.random.default_rng(2)
     xyz = rng.normal(scale=20, size=(50, 3))
     wide = rng.normal(scale=20, size=(100, 5))
@@ -133,7 +133,7 @@ def test_one_compiled_signature_whatever_comes_through_the_gate():
         for array in given:
             cloud = PointCloud.from_array(array)
             grid.cells(cloud.points)
-            # Indexing a frozen array hands out one that is writable, or strided.
+            # Indexing a frozen array gives a writable or strided one.
             grid.cells(cloud.points[cloud.points[:, 2] > 0])
             grid.cells(cloud.points[::2])
     assert len(polar_cells.signatures) == 1

@@ -5,29 +5,29 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun, fit_horn, fit_yaw
 
-MOTION = Pose.from_step(np.array([3.0, -2.0, 0.5, 0.3, -0.2, 1.1]))
+POSE = Pose.from_step(np.array([3.0, -2.0, 0.5, 0.3, -0.2, 1.1]))
 _both = pytest.mark.parametrize("fit", [fit_arun, fit_horn])
 _all = pytest.mark.parametrize("fit", [fit_arun, fit_horn, fit_yaw])
 
 
 def _pairs(rng, count=30, noise=0.0):
     source = rng.normal(0.0, 10.0, (count, 3))
-    return MOTION.apply(source) + rng.normal(0.0, noise, source.shape), source
+    return POSE.apply(source) + rng.normal(0.0, noise, source.shape), source
 
 
 @_both
-def test_noise_free_pairs_give_the_motion_from_source_to_target(fit):
+def test_noise_free_correspondences_give_the_pose_from_source_to_target(fit):
     target, source = _pairs(np.random.default_rng(0))
-    assert fit(target, source).is_close(MOTION, translation=1e-12, rotation=1e-13)
+    assert fit(target, source).is_close(POSE, translation=1e-12, rotation=1e-13)
 
 
-def test_the_formulas_as_printed_carry_the_model_onto_the_data():
+def test_the_printed_formulas_give_the_pose_from_model_to_data():
     # Madhavan and Messina 2003, section 2.1: H, R and T with p of the model and q of the data.
     p, q = _pairs(np.random.default_rng(1))
     u, _, vt = np.linalg.svd((p - p.mean(0)).T @ (q - q.mean(0)))
     rotation = vt.T @ u.T
     printed = Pose(rotation, q.mean(0) - rotation @ p.mean(0))
-    assert printed.is_close(MOTION.inverse(), translation=1e-12, rotation=1e-13)
+    assert printed.is_close(POSE.inverse(), translation=1e-12, rotation=1e-13)
     assert fit_arun(p, q).is_close(printed.inverse(), translation=1e-12, rotation=1e-13)
 
 
@@ -36,12 +36,12 @@ def test_three_points_and_points_in_a_plane_are_enough(fit):
     rng = np.random.default_rng(2)
     for count in (3, 40):
         source = np.column_stack([rng.normal(0.0, 5.0, (count, 2)), np.zeros(count)])
-        found = fit(MOTION.apply(source), source)
-        assert found.is_close(MOTION, translation=1e-12, rotation=1e-13)
+        found = fit(POSE.apply(source), source)
+        assert found.is_close(POSE, translation=1e-12, rotation=1e-13)
 
 
 @_both
-def test_a_mirror_image_is_never_returned(fit):
+def test_a_reflection_is_never_returned(fit):
     rng = np.random.default_rng(3)
     source = rng.normal(0.0, 1.0, (20, 3)) * [5.0, 4.0, 0.01]
     mirrored = source * [1.0, 1.0, -1.0]
@@ -51,7 +51,7 @@ def test_a_mirror_image_is_never_returned(fit):
 
 
 @_both
-def test_the_plain_product_would_have_been_that_mirror_image(fit):
+def test_the_product_without_the_sign_of_the_determinant_is_a_reflection(fit):
     rng = np.random.default_rng(3)
     source = rng.normal(0.0, 1.0, (20, 3)) * [5.0, 4.0, 0.01]
     target = source * [1.0, 1.0, -1.0]
@@ -60,7 +60,7 @@ def test_the_plain_product_would_have_been_that_mirror_image(fit):
 
 
 @_all
-def test_no_other_motion_fits_noisy_weighted_pairs_better(fit):
+def test_no_other_pose_fits_noisy_weighted_correspondences_better(fit):
     rng = np.random.default_rng(4)
     target, source = _pairs(rng, noise=0.5)
     weights = rng.uniform(0.0, 1.0, len(source))
@@ -75,7 +75,7 @@ def test_no_other_motion_fits_noisy_weighted_pairs_better(fit):
 
 
 @_all
-def test_a_weight_of_zero_drops_a_pair_and_whole_weights_repeat_it(fit):
+def test_a_zero_weight_removes_a_correspondence_and_an_integer_weight_repeats_it(fit):
     rng = np.random.default_rng(5)
     target, source = _pairs(rng, 12, noise=0.3)
     weights = np.array([0.0, 1.0, 2.0] * 4)
@@ -85,17 +85,17 @@ def test_a_weight_of_zero_drops_a_pair_and_whole_weights_repeat_it(fit):
 
 
 @_all
-def test_pairs_far_from_zero_lose_no_digits(fit):
+def test_correspondences_far_from_the_origin_keep_their_accuracy(fit):
     rng = np.random.default_rng(6)
     target, source = _pairs(rng, noise=0.1)
     near = fit(target, source)
     shift = np.array([5e5, 5e6, 100.0])
     moved = fit(target + shift, source + shift)
-    gap = moved.apply(source + shift) - shift - near.apply(source)
-    assert np.abs(gap).max() < 1e-7
+    difference = moved.apply(source + shift) - shift - near.apply(source)
+    assert np.abs(difference).max() < 1e-7
 
 
-def test_yaw_is_the_whole_motion_of_a_level_sensor():
+def test_fit_yaw_gives_the_pose_of_a_level_sensor():
     source = np.random.default_rng(7).normal(0.0, 10.0, (30, 3))
     level = Pose.from_step(np.array([1.0, 2.0, 0.3, 0.0, 0.0, 2.5]))
     found = fit_yaw(level.apply(source), source)
@@ -110,28 +110,30 @@ _LINE = np.arange(10.0)[:, None] * [1.0, 2.0, -1.0]
 
 @_both
 @pytest.mark.parametrize(
-    "source", [_LINE, _LINE[:2], np.ones((5, 3)), np.zeros((1, 3))], ids=["line", "2", "spot", "1"]
+    "source", [_LINE, _LINE[:2], np.ones((5, 3)), np.zeros((1, 3))], ids=["line", "2", "point", "1"]
 )
-def test_pairs_that_leave_a_rotation_open_are_refused(fit, source):
-    assert not PairMoments.of(source, source).holds_rotation
-    with pytest.raises(InvalidInput, match="leave a rotation undetermined"):
-        fit(MOTION.apply(source), source)
+def test_correspondences_that_do_not_determine_the_rotation_are_rejected(fit, source):
+    assert not PairMoments.of(source, source).constrains_rotation
+    with pytest.raises(InvalidInput, match="target and source must determine the rotation, got"):
+        fit(POSE.apply(source), source)
 
 
-def test_two_rotations_that_fit_alike_are_refused():
-    # A mirrored cube: every rotation that swaps two axes undoes it as badly as the others.
+def test_two_rotations_that_fit_equally_are_rejected():
+    # A mirrored cube: all rotations that swap two axes have the same error.
     source = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
     for fit in (fit_arun, fit_horn):
-        with pytest.raises(InvalidInput, match="leave a rotation undetermined"):
+        with pytest.raises(
+            InvalidInput, match="target and source must determine the rotation, got"
+        ):
             fit(-source, source)
 
 
-def test_a_line_holds_its_yaw_unless_it_is_upright():
+def test_a_line_determines_its_yaw_unless_it_is_vertical():
     level = Pose.from_step(np.array([1.0, 2.0, 0.3, 0.0, 0.0, 2.5]))
     assert fit_yaw(level.apply(_LINE), _LINE).is_close(level, translation=1e-11, rotation=1e-12)
-    upright = _LINE * [0.0, 0.0, 1.0]
-    with pytest.raises(InvalidInput, match="10 pairs leave the turn about z undetermined"):
-        fit_yaw(upright, upright)
+    vertical = _LINE * [0.0, 0.0, 1.0]
+    with pytest.raises(InvalidInput, match="determine the rotation about z, got 10 pairs"):
+        fit_yaw(vertical, vertical)
 
 
 @_all
@@ -147,6 +149,6 @@ def test_a_line_holds_its_yaw_unless_it_is_upright():
         (np.zeros((0, 3)), np.zeros((0, 3)), None, "not all zero"),
     ],
 )
-def test_what_is_no_set_of_pairs_is_refused(fit, target, source, weights, message):
+def test_invalid_correspondences_are_rejected(fit, target, source, weights, message):
     with pytest.raises(InvalidInput, match=message):
         fit(target, source, weights)

@@ -28,7 +28,7 @@ def test_hat_is_the_cross_product():
 
 
 @pytest.mark.parametrize("angle", [*_ANGLES, 4.0, 2 * np.pi, 100.0, 1e4])
-def test_exp_agrees_with_scipy_from_zero_to_many_turns(angle):
+def test_exp_agrees_with_scipy_from_zero_to_many_revolutions(angle):
     for axis in _axes(10):
         expected = Rotation.from_rotvec(angle * axis).as_matrix()
         # The sine of a large angle is known only to the rounding of the angle itself.
@@ -37,31 +37,31 @@ def test_exp_agrees_with_scipy_from_zero_to_many_turns(angle):
 
 
 @pytest.mark.parametrize("angle", _ANGLES)
-def test_log_undoes_exp(angle):
+def test_log_inverts_exp(angle):
     for axis in _axes(10):
         vector = log_rotation(exp_rotation(angle * axis))
         if angle == np.pi:
-            # Half a turn has two logarithms, and rounding decides between them.
+            # A rotation by pi has two logarithms, and rounding decides between them.
             vector = vector * np.sign(vector @ axis)
         np.testing.assert_allclose(vector, angle * axis, rtol=0, atol=1e-15 + 1e-14 * angle)
 
 
 @pytest.mark.parametrize("angle", [1e-15, 1e-12, 1e-9, 5e-5])
-def test_small_rotations_keep_their_relative_digits(angle):
+def test_small_rotations_keep_their_relative_accuracy(angle):
     axis = np.array([0.6, 0.0, -0.8])
     vector = log_rotation(exp_rotation(angle * axis))
     np.testing.assert_allclose(vector, angle * axis, rtol=0, atol=1e-13 * angle)
     assert rotation_angle(exp_rotation(angle * axis)) == pytest.approx(angle, rel=1e-13)
 
 
-@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_angles_just_short_of_half_a_turn_keep_their_digits(gap):
+@pytest.mark.parametrize("difference", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_angles_just_below_pi_keep_their_accuracy(difference):
     for axis in _axes(10):
-        rotation = Rotation.from_rotvec((np.pi - gap) * axis).as_matrix()
-        assert np.pi - rotation_angle(rotation) == pytest.approx(gap, abs=2e-15)
+        rotation = Rotation.from_rotvec((np.pi - difference) * axis).as_matrix()
+        assert np.pi - rotation_angle(rotation) == pytest.approx(difference, abs=2e-15)
 
 
-def test_an_angle_beyond_half_a_turn_comes_back_the_short_way():
+def test_log_returns_the_shorter_rotation_for_an_angle_above_pi():
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     vector = log_rotation(exp_rotation(4.0 * axis))
     np.testing.assert_allclose(vector, (4.0 - 2 * np.pi) * axis, atol=1e-14)
@@ -78,13 +78,13 @@ def test_quaternion_agrees_with_scipy_and_has_no_negative_scalar(angle):
         assert abs(ours @ theirs) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_nearest_rotation_leaves_rotations_alone():
+def test_nearest_rotation_does_not_change_rotations():
     for axis in _axes(10):
         rotation = exp_rotation(1.2 * axis)
         np.testing.assert_allclose(nearest_rotation(rotation), rotation, rtol=0, atol=2e-15)
 
 
-def test_nearest_rotation_beats_every_rotation_around_it():
+def test_nearest_rotation_is_closer_than_rotations_around_it():
     rng = np.random.default_rng(3)
     noisy = exp_rotation(rng.normal(size=3)) + 0.1 * rng.normal(size=(3, 3))
     for matrix in (noisy, -np.eye(3), noisy @ np.diag([1.0, 0.8, -0.3])):

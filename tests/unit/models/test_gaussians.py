@@ -10,33 +10,33 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians, unpacked
 
 
-def _scan(seed=0, count=500, parts=7):
+def _scan(seed=0, count=500, clusters=7):
     rng = np.random.default_rng(seed)
-    return rng.normal(5.0, [4.0, 2.0, 0.3], (count, 3)), rng.integers(-1, parts, count)
+    return rng.normal(5.0, [4.0, 2.0, 0.3], (count, 3)), rng.integers(-1, clusters, count)
 
 
 def _union(first, second):
-    """Moments of two parts together, from those of each."""
+    """Moments of the union of two Gaussians, from those of each."""
     n, m = first.counts[0], second.counts[0]
-    gap = first.means[0] - second.means[0]
+    difference = first.means[0] - second.means[0]
     mean = (n * first.means[0] + m * second.means[0]) / (n + m)
     within = (n * first.covariances[0] + m * second.covariances[0]) / (n + m)
-    return mean, within + n * m / (n + m) ** 2 * np.outer(gap, gap)
+    return mean, within + n * m / (n + m) ** 2 * np.outer(difference, difference)
 
 
-def test_each_part_has_the_moments_that_numpy_finds():
+def test_each_cluster_has_the_moments_of_numpy():
     points, labels = _scan()
     found = Gaussians.from_labels(points, labels)
-    for part in range(7):
-        mine = points[labels == part]
-        assert found.counts[part] == len(mine)
-        np.testing.assert_allclose(found.means[part], mine.mean(axis=0), rtol=1e-13)
-        expected = np.cov(mine.T, bias=True)
-        np.testing.assert_allclose(found.covariances[part], expected, rtol=1e-11, atol=1e-13)
+    for k in range(7):
+        own = points[labels == k]
+        assert found.counts[k] == len(own)
+        np.testing.assert_allclose(found.means[k], own.mean(axis=0), rtol=1e-13)
+        expected = np.cov(own.T, bias=True)
+        np.testing.assert_allclose(found.covariances[k], expected, rtol=1e-11, atol=1e-13)
 
 
-def test_the_moments_of_a_union_follow_from_those_of_its_parts():
-    points, labels = _scan(1, parts=2)
+def test_the_moments_of_a_union_follow_from_those_of_two_clusters():
+    points, labels = _scan(1, clusters=2)
     halves = Gaussians.from_labels(points, labels)
     together = Gaussians.from_labels(points, np.minimum(labels, 0))
     mean, covariance = _union(halves.taken(np.array([0])), halves.taken(np.array([1])))
@@ -45,17 +45,17 @@ def test_the_moments_of_a_union_follow_from_those_of_its_parts():
     assert together.counts[0] == halves.counts.sum()
 
 
-def test_parts_of_too_few_points_are_skipped_and_the_others_keep_their_order():
+def test_clusters_of_too_few_points_are_skipped_and_the_others_keep_their_order():
     points, _ = _scan(2, count=11)
     labels = np.array([0, 1, 1, 2, 2, 2, 4, 4, 4, 4, -1])
-    kept = Gaussians.from_labels(points, labels, least_count=3)
+    kept = Gaussians.from_labels(points, labels, min_points=3)
     assert kept.counts.tolist() == [3, 4]
     np.testing.assert_allclose(kept.means[1], points[6:10].mean(axis=0))
-    assert len(Gaussians.from_labels(points, labels, least_count=5)) == 0
+    assert len(Gaussians.from_labels(points, labels, min_points=5)) == 0
     assert len(Gaussians.from_labels(points, np.full(11, -1))) == 0
 
 
-def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
+def test_regularisation_raises_small_variances_and_keeps_the_axes():
     rng = np.random.default_rng(3)
     variances = np.array([[1e-8, 1e-4, 4.0], [0.0, 0.0, 0.0], [0.04, 1.0, 9.0]])
     covariances = turned_covariances(rng, variances)
@@ -65,15 +65,15 @@ def test_a_floor_raises_what_lies_below_it_and_keeps_the_axes():
     rounding = 1e-14 * 9.0
     expected = np.maximum(variances, 0.1**2)
     np.testing.assert_allclose(raised.variances, expected, atol=rounding)
-    for was, now in zip(covariances, raised.covariances, strict=True):
-        np.testing.assert_allclose(was @ now, now @ was, atol=10 * rounding)
-        np.testing.assert_allclose(now, reference.regularised(was, 0.1), atol=10 * rounding)
-        np.testing.assert_array_equal(now, now.T)
+    for before, after in zip(covariances, raised.covariances, strict=True):
+        np.testing.assert_allclose(before @ after, after @ before, atol=10 * rounding)
+        np.testing.assert_allclose(after, reference.regularised(before, 0.1), atol=10 * rounding)
+        np.testing.assert_array_equal(after, after.T)
     np.testing.assert_array_equal(raised.means, sharp.means)
     np.testing.assert_array_equal(raised.counts, sharp.counts)
 
 
-def test_a_ratio_raises_to_a_share_of_the_largest_variance():
+def test_a_ratio_raises_variances_to_a_fraction_of_the_largest():
     rng = np.random.default_rng(4)
     covariances = turned_covariances(rng, np.array([[1e-6, 0.5, 9.0], [1e-6, 1e-6, 1e-6]]))
     raised = Gaussians.from_covariances(
@@ -82,14 +82,14 @@ def test_a_ratio_raises_to_a_share_of_the_largest_variance():
     np.testing.assert_allclose(raised.variances, [[0.09, 0.5, 9.0], [0.01, 0.01, 0.01]], rtol=1e-9)
 
 
-def test_a_floor_already_kept_changes_nothing_beyond_rounding():
+def test_regularisation_changes_large_variances_by_rounding_only():
     some = gaussians(np.random.default_rng(5), 20, least=0.2)
     np.testing.assert_allclose(
         some.regularised(0.1).covariances, some.covariances, rtol=1e-12, atol=1e-12
     )
 
 
-def test_scaling_multiplies_deviations_and_blurring_adds_variances():
+def test_scaling_multiplies_deviations_and_inflation_adds_variances():
     some = gaussians(np.random.default_rng(6), 20)
     np.testing.assert_allclose(some.scaled(3.0).variances, 9.0 * some.variances, rtol=1e-9)
     np.testing.assert_allclose(some.inflated(2.0).variances, some.variances + 4.0, rtol=1e-12)
@@ -98,35 +98,36 @@ def test_scaling_multiplies_deviations_and_blurring_adds_variances():
     np.testing.assert_array_equal(some.inflated(0.0).covariances, some.covariances)
 
 
-def test_moved_gaussians_are_the_gaussians_of_the_moved_points():
+def test_transformed_gaussians_are_those_of_the_transformed_points():
     points, labels = _scan(7)
     pose = Pose.from_step(np.array([3.0, -40.0, 1.0, 0.5, -2.0, 1.2]))
     moved = Gaussians.from_labels(points, labels).transformed(pose)
     expected = Gaussians.from_labels(pose.apply(points), labels)
     np.testing.assert_allclose(moved.means, expected.means, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(moved.covariances, expected.covariances, atol=1e-10)
-    np.testing.assert_allclose(moved.widths, expected.widths, rtol=1e-10)
+    np.testing.assert_allclose(moved.max_variances, expected.max_variances, rtol=1e-10)
 
 
-def test_weights_are_roots_of_counts_of_unit_length():
+def test_weights_are_roots_of_counts_with_unit_norm():
     some = gaussians(np.random.default_rng(8), 20)
     np.testing.assert_allclose(np.linalg.norm(some.weights()), 1.0, rtol=1e-14)
     np.testing.assert_allclose(some.weights() ** 2, some.counts / some.counts.sum(), rtol=1e-13)
     assert gaussians(np.random.default_rng(8), 0).weights().shape == (0,)
 
 
-def test_packed_forms_hold_the_whole_matrices():
+def test_packed_matrices_are_complete():
     some = gaussians(np.random.default_rng(9), 20)
     np.testing.assert_array_equal(unpacked(some.packed_covariances), some.covariances)
     products = unpacked(some.packed_precisions) @ some.covariances
     # The condition number of a matrix with deviations 0.1 to 2 m is at most 400.
     np.testing.assert_allclose(products, np.tile(np.eye(3), (20, 1, 1)), atol=400 * 1e-14)
-    np.testing.assert_allclose(some.widths, np.linalg.norm(some.covariances, 2, axis=(1, 2)))
+    largest = np.linalg.norm(some.covariances, 2, axis=(1, 2))
+    np.testing.assert_allclose(some.max_variances, largest)
 
 
 def test_every_array_is_read_only():
     some = gaussians(np.random.default_rng(10), 5)
-    for made in (
+    for derived in (
         some,
         some.regularised(0.1),
         some.scaled(2.0),
@@ -142,14 +143,14 @@ def test_every_array_is_read_only():
             "packed_covariances",
             "packed_precisions",
             "variances",
-            "widths",
+            "max_variances",
         ):
-            array = getattr(made, name)
+            array = getattr(derived, name)
             assert not array.flags.writeable, name
             assert array.flags.c_contiguous, name
 
 
-def test_a_pickle_holds_the_same_gaussians():
+def test_pickled_gaussians_are_the_same():
     some = gaussians(np.random.default_rng(11), 5)
     again = pickle.loads(pickle.dumps(some))
     for name in ("means", "covariances", "counts"):
@@ -181,12 +182,12 @@ def test_rows_are_taken_by_number_or_by_mask():
             r"counts must have shape \(5,",
         ),
         (
-            lambda g: Gaussians.from_labels(g.means, np.zeros(5, np.int64), least_count=0),
-            "least_count must be at least 1, got 0",
+            lambda g: Gaussians.from_labels(g.means, np.zeros(5, np.int64), min_points=0),
+            "min_points must be at least 1, got 0",
         ),
     ],
 )
-def test_values_out_of_range_are_refused_by_name(call, message):
+def test_invalid_values_are_rejected_by_name(call, message):
     with pytest.raises(InvalidInput, match=message):
         call(gaussians(np.random.default_rng(13), 5))
 
@@ -200,38 +201,38 @@ def test_weights_are_counts_to_a_power():
         np.testing.assert_allclose(np.linalg.norm(weights), 1.0, rtol=1e-14)
 
 
-def test_variances_follow_floors_scales_and_blurs():
+def test_variances_are_those_of_regularised_scaled_and_inflated_gaussians():
     some = gaussians(np.random.default_rng(9), 40, least=0.01)
-    for reshaped in (some.regularised(0.3, 0.1), some.scaled(2.5), some.inflated(0.7)):
+    for changed in (some.regularised(0.3, 0.1), some.scaled(2.5), some.inflated(0.7)):
         np.testing.assert_allclose(
-            reshaped.variances, np.linalg.eigvalsh(reshaped.covariances), rtol=1e-9, atol=1e-12
+            changed.variances, np.linalg.eigvalsh(changed.covariances), rtol=1e-9, atol=1e-12
         )
-        assert not reshaped.variances.flags.writeable
+        assert not changed.variances.flags.writeable
 
 
 @pytest.mark.parametrize("power", [0.25, 0.5, 1.0])
-def test_merged_gaussians_are_the_mixtures_of_their_cubes(power):
+def test_merged_gaussians_are_the_mixtures_of_their_voxels(power):
     rng = np.random.default_rng(5)
     several = gaussians(rng, 60, spread=6.0)
     merged = several.merged(3.0, power)
-    cubes = np.floor(several.means / 3.0)
+    voxels = np.floor(several.means / 3.0)
     assert 1 < len(merged) < len(several)
-    assert len(merged) == len(np.unique(cubes, axis=0))
+    assert len(merged) == len(np.unique(voxels, axis=0))
     weights = several.counts**power
     for mean, covariance, count in zip(
         merged.means, merged.covariances, merged.counts, strict=True
     ):
-        mine = np.flatnonzero((cubes == np.floor(mean / 3.0)).all(axis=1))
-        np.testing.assert_allclose(count**power, weights[mine].sum(), rtol=1e-12)
-        shares = weights[mine] / weights[mine].sum()
-        np.testing.assert_allclose(mean, shares @ several.means[mine], rtol=1e-12)
-        gaps = several.means[mine] - mean
-        expected = np.einsum("k,kij->ij", shares, several.covariances[mine])
-        expected += np.einsum("k,ki,kj->ij", shares, gaps, gaps)
+        own = np.flatnonzero((voxels == np.floor(mean / 3.0)).all(axis=1))
+        np.testing.assert_allclose(count**power, weights[own].sum(), rtol=1e-12)
+        fractions = weights[own] / weights[own].sum()
+        np.testing.assert_allclose(mean, fractions @ several.means[own], rtol=1e-12)
+        offsets = several.means[own] - mean
+        expected = np.einsum("k,kij->ij", fractions, several.covariances[own])
+        expected += np.einsum("k,ki,kj->ij", fractions, offsets, offsets)
         np.testing.assert_allclose(covariance, expected, rtol=1e-10, atol=1e-12)
 
 
-def test_merging_leaves_alone_what_has_a_cube_to_itself():
+def test_merging_does_not_change_a_gaussian_alone_in_its_voxel():
     several = gaussians(np.random.default_rng(6), 20, spread=50.0)
     merged = several.merged(1e-6, 0.5)
     order = np.lexsort(several.means.T[::-1])
@@ -240,8 +241,8 @@ def test_merging_leaves_alone_what_has_a_cube_to_itself():
     assert len(several.taken(np.empty(0, np.int64)).merged(1.0, 0.5)) == 0
 
 
-@pytest.mark.parametrize("name", ["width", "weight_power"])
-def test_merging_needs_a_width_and_weights(name):
+@pytest.mark.parametrize("name", ["voxel_size", "weight_power"])
+def test_merging_requires_positive_parameters(name):
     several = gaussians(np.random.default_rng(6), 3)
     with pytest.raises(InvalidInput, match=f"{name} must be positive"):
-        several.merged(**{"width": 1.0, "weight_power": 1.0, name: 0.0})
+        several.merged(**{"voxel_size": 1.0, "weight_power": 1.0, name: 0.0})

@@ -13,14 +13,14 @@ def _points(seed, count=300):
     return read_only(np.random.default_rng(seed).normal(0.0, [8.0, 4.0, 1.0], (count, 3)))
 
 
-def _heaps(centres, seed=0):
+def _clusters(centres, seed=0):
     rng = np.random.default_rng(seed)
-    parts = np.repeat(np.arange(len(centres)), 40)
-    return np.array(centres)[parts] + rng.normal(0.0, 0.3, (len(parts), 3)), parts
+    labels = np.repeat(np.arange(len(centres)), 40)
+    return np.array(centres)[labels] + rng.normal(0.0, 0.3, (len(labels), 3)), labels
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_seeds_are_drawn_by_squared_distance(seed):
+def test_seeds_are_drawn_in_proportion_to_squared_distance(seed):
     points = _points(seed)
     draws = read_only(np.random.default_rng(seed).random(12))
     rows = spread_seeds(points, draws)
@@ -28,35 +28,35 @@ def test_seeds_are_drawn_by_squared_distance(seed):
     assert len(set(rows.tolist())) == 12
 
 
-def test_seeds_of_equal_points_are_rows_all_the_same():
+def test_seeds_of_identical_points_are_valid_rows():
     rows = spread_seeds(read_only(np.ones((4, 3))), read_only(np.array([0.9, 0.5, 0.999])))
     assert ((rows >= 0) & (rows < 4)).all()
 
 
-def test_well_parted_heaps_are_the_parts():
-    points, parts = _heaps([[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30], [30, 30, 0]])
+def test_well_separated_clusters_are_found():
+    points, expected = _clusters([[0, 0, 0], [30, 0, 0], [0, 30, 0], [0, 0, 30], [30, 30, 0]])
     labels = KMeans().labels(points, 5)
-    assert partition(labels) == partition(parts)
+    assert partition(labels) == partition(expected)
 
 
-def test_no_point_is_nearer_to_another_mean_in_the_end():
+def test_every_point_is_assigned_to_the_nearest_mean():
     points = _points(6, 600)
     labels = KMeans().labels(points, 20)
-    means = np.array([points[labels == part].mean(axis=0) for part in range(20)])
-    gaps = np.linalg.norm(points[:, None] - means, axis=2)
-    np.testing.assert_array_equal(gaps.argmin(axis=1), labels)
+    means = np.array([points[labels == k].mean(axis=0) for k in range(20)])
+    distances = np.linalg.norm(points[:, None] - means, axis=2)
+    np.testing.assert_array_equal(distances.argmin(axis=1), labels)
 
 
-def test_rounds_lower_the_spread_and_a_limit_stops_them():
+def test_iterations_decrease_the_sum_of_squares_up_to_their_maximum():
     points = _points(7, 600)
-    spreads = [
-        reference.spread(points, KMeans(max_iterations=rounds).labels(points, 20))
-        for rounds in (1, 3, 100)
+    sums = [
+        reference.sum_of_squares(points, KMeans(max_iterations=count).labels(points, 20))
+        for count in (1, 3, 100)
     ]
-    assert spreads[0] > spreads[1] > spreads[2]
+    assert sums[0] > sums[1] > sums[2]
 
 
-def test_the_seed_decides_and_nothing_else():
+def test_the_result_depends_on_the_seed_only():
     points = _points(8)
     first, again = (KMeans(seed=3).labels(points, 15) for _ in range(2))
     np.testing.assert_array_equal(first, again)
@@ -64,7 +64,7 @@ def test_the_seed_decides_and_nothing_else():
 
 
 @pytest.mark.parametrize("count", [1, 5, 40])
-def test_fewer_points_than_parts_give_as_many_parts_as_points(count):
+def test_there_are_no_more_clusters_than_points(count):
     points = _points(9, 5)
     labels = KMeans().labels(points, count)
     assert len(set(labels.tolist())) == min(count, 5)
@@ -73,13 +73,16 @@ def test_fewer_points_than_parts_give_as_many_parts_as_points(count):
 
 @pytest.mark.parametrize(
     ("settings", "message"),
-    [({"seed": -1}, "seed must be a whole number"), ({"iterations": 0}, "iterations must be")],
+    [
+        ({"seed": -1}, "seed must be a whole number"),
+        ({"max_iterations": 0}, "max_iterations must be"),
+    ],
 )
-def test_settings_out_of_range_are_refused_by_name(settings, message):
+def test_invalid_settings_are_rejected_by_name(settings, message):
     with pytest.raises(InvalidInput, match=message):
         KMeans(**settings)
 
 
-def test_no_part_at_all_is_refused():
+def test_a_cluster_count_of_zero_is_rejected():
     with pytest.raises(InvalidInput, match="count must be a whole number of at least 1, got 0"):
         KMeans().labels(_points(0), 0)

@@ -8,10 +8,10 @@ from scanlock.kernels.gaussians.cells import cell_table
 from scanlock.models.voxel_gaussians import VoxelGrid
 
 
-def _by_cell(points, width, corner):
+def _by_cell(points, size, corner):
     cells = {}
     for point in points:
-        cells.setdefault(tuple(np.floor((point - corner) / width).astype(int)), []).append(point)
+        cells.setdefault(tuple(np.floor((point - corner) / size).astype(int)), []).append(point)
     return cells
 
 
@@ -34,7 +34,7 @@ def test_each_full_cell_has_the_unbiased_moments_of_its_points(offset):
         np.testing.assert_allclose(covariance, np.cov(own.T), atol=1e-9)
 
 
-def test_small_variances_are_raised_to_a_share_of_the_largest():
+def test_small_variances_are_raised_to_a_fraction_of_the_largest():
     rng = np.random.default_rng(1)
     plane = np.column_stack([rng.uniform(0.1, 0.9, (200, 2)), np.full(200, 0.5)])
     [variances] = VoxelGrid(variance_ratio=0.01).gaussians(plane, 1.0).gaussians.variances
@@ -44,14 +44,14 @@ def test_small_variances_are_raised_to_a_share_of_the_largest():
     np.testing.assert_allclose(variances, 0.05**2)
 
 
-def test_cells_of_few_points_are_left_out():
+def test_cells_of_few_points_are_skipped():
     points = np.repeat([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]], [5, 6], axis=0)
     found = VoxelGrid().gaussians(points, 1.0)
     assert found.cells.tolist() == [[1, 0, 0]]
     assert len(VoxelGrid(min_points=7).gaussians(points, 1.0)) == 0
 
 
-def test_the_cell_is_that_of_the_points_even_on_a_face():
+def test_points_on_a_face_belong_to_the_cell_of_the_points_and_not_of_their_mean():
     # The mean of seven times 0.3 is below 0.3 by rounding; the points are not.
     face = np.full((7, 3), 0.3)
     found = VoxelGrid().gaussians(face, 0.1)
@@ -59,14 +59,14 @@ def test_the_cell_is_that_of_the_points_even_on_a_face():
 
 
 @pytest.mark.parametrize("far", [1.0, 1e6, 1e12])
-def test_every_cell_is_found_in_the_hash_under_its_own_row(far):
+def test_the_hash_table_has_the_row_of_every_cell(far):
     rng = np.random.default_rng(2)
     cells = np.unique(rng.integers(-40, 40, (900, 3)) * np.array([1, 7, int(far)]), axis=0)
     table = cell_table(cells, 2048)
     assert sorted(table[table >= 0].tolist()) == list(range(len(cells)))
 
 
-def test_the_hash_is_at_most_an_eighth_full_and_never_empty():
+def test_the_hash_table_is_at_most_an_eighth_full_and_never_empty():
     rng = np.random.default_rng(3)
     for count in (0, 1, 7, 8, 300):
         points = np.repeat(rng.permutation(2000)[:count, None] + 0.5, 6, axis=0) * np.ones(3)
@@ -75,7 +75,7 @@ def test_the_hash_is_at_most_an_eighth_full_and_never_empty():
         assert 8 * len(found) < len(found.table) <= max(2, 16 * len(found))
 
 
-def test_voxels_survive_a_pickle():
+def test_pickled_voxels_are_the_same():
     found = VoxelGrid().gaussians(np.random.default_rng(4).normal(size=(200, 3)), 1.0)
     again = pickle.loads(pickle.dumps(found))
     np.testing.assert_array_equal(again.cells, found.cells)
@@ -86,17 +86,17 @@ def test_voxels_survive_a_pickle():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"least_count": 1}, "least_count must be a whole number of at least 2"),
+        ({"min_points": 1}, "min_points must be a whole number of at least 2"),
         ({"variance_ratio": -0.1}, "variance_ratio must lie between 0 and 1"),
-        ({"deviation_floor": 0.0}, "deviation_floor must be positive, got 0.0 m"),
+        ({"min_deviation": 0.0}, "min_deviation must be positive, got 0.0 m"),
         ({"offset": 1.5}, "offset must lie between 0 and 1"),
     ],
 )
-def test_settings_out_of_range_are_refused_by_name(settings, message):
+def test_invalid_settings_are_rejected_by_name(settings, message):
     with pytest.raises(InvalidInput, match=message):
         VoxelGrid(**settings)
 
 
-def test_a_width_that_is_none_is_refused():
-    with pytest.raises(InvalidInput, match=r"width must be at least 0\.01 m, got 0"):
+def test_a_voxel_size_of_zero_is_rejected():
+    with pytest.raises(InvalidInput, match=r"voxel_size must be at least 0\.01 m, got 0"):
         VoxelGrid().gaussians(np.zeros((10, 3)), 0)

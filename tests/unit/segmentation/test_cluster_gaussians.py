@@ -35,7 +35,7 @@ def test_there_is_one_set_of_gaussians_for_each_scale(marks):
     assert counts == sorted(counts)
     for radius, some in zip(_RADII, marks.gaussians, strict=True):
         # No point farther from the mean than the radius: no deviation larger either.
-        assert np.sqrt(some.widths.max()) <= radius
+        assert np.sqrt(some.max_variances.max()) <= radius
         assert np.sqrt(some.variances.min()) >= 0.1 * (1 - 1e-9)
         assert some.counts.min() >= 6
 

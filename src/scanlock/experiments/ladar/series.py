@@ -67,7 +67,7 @@ def ladar_series(places: int, seed: int) -> ScanSeries:
         Decides terrains and noise.
     """
     require_count("places", places)
-    require_count("seed", seed, least=0)
+    require_count("seed", seed, minimum=0)
     frames: dict[str, Points] = {}
     poses: list[Pose] = []
     times: list[float] = []

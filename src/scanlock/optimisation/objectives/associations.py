@@ -62,6 +62,6 @@ class NeighbourCells:
         """Return the targets in the cells around each position."""
         voxels, around = self.voxels, self.max_offset
         starts, members = rows_within(
-            read_only(positions), voxels.table, voxels.cells, voxels.corner, voxels.width, around
+            read_only(positions), voxels.table, voxels.cells, voxels.corner, voxels.size, around
         )
         return read_only(np.arange(len(positions))), read_only(starts), read_only(members)

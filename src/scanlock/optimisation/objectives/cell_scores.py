@@ -84,13 +84,13 @@ class PointsToCells:
     def _terms(self, pose: Pose, points: Points) -> Vector:
         target = self.target
         gaussians = target.gaussians
-        grid = target.table, target.cells, target.corner, target.width
+        grid = target.table, target.cells, target.corner, target.size
         given = points, gaussians.means, gaussians.packed_precisions, *grid
         exact = float(self.curvature == "exact")
         rest = pose.rotation, pose.translation, *self.shape.parameters, exact
         if self.association == "trilinear":
             terms = trilinear_terms(*given, *rest)
         else:
-            max_distance = target.width if self.association == "near-cells" else np.inf
+            max_distance = target.size if self.association == "near-cells" else np.inf
             terms = cell_terms(*given, _OFFSETS[self.association], float(max_distance), *rest)
         return self.shape.height / max(1, self.count) * terms

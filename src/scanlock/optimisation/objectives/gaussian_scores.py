@@ -22,7 +22,7 @@ from scanlock.optimisation.solvers.problem import (
     contributions_of_rows,
     rows_by_block,
 )
-from scanlock.threads import spread
+from scanlock.threads import parallel_map
 
 _CACHED = "_neighbour_lists"
 """Name under which an objective caches the neighbour lists of its last pose."""
@@ -126,7 +126,7 @@ class GaussiansToGaussians:
             terms = self._terms(pose, slice(None), lists)
         else:
             near = self._neighbours_at(pose)
-            by_chunk = spread(
+            by_chunk = parallel_map(
                 lambda chunk: self._terms(pose, near.rows(chunk), near.lists(chunk)), near.chunks
             )
             terms = by_chunk[0] if len(by_chunk) == 1 else np.sum([np.zeros(28), *by_chunk], axis=0)
@@ -246,5 +246,5 @@ class PointsToGaussians:
         rows = np.empty((len(self.target), 10))
         rows[:, :3] = self.target.means
         rows[:, 3:9] = self.target.packed_precisions
-        rows[:, 9] = np.sqrt(window_end * self.target.widths)
+        rows[:, 9] = np.sqrt(window_end * self.target.max_variances)
         return read_only(rows)

@@ -71,7 +71,7 @@ class NeighbourSearch:
     @cached_property
     def max_shift(self) -> float:
         """Maximum translation of the centre while lists are valid [m]."""
-        both = _quantile(self.target.widths, 0.5) + _quantile(self.source.widths, 0.5)
+        both = _quantile(self.target.max_variances, 0.5) + _quantile(self.source.max_variances, 0.5)
         return _SLACK * math.sqrt(self.window_end * both)
 
     @cached_property
@@ -105,10 +105,10 @@ class NeighbourSearch:
         target = self.target
         side = max(_CELL * self.max_shift / _SLACK, _MIN_CELL)
         starts, order, inside, corner, side, columns, rows = sorted_by_cell(
-            target.means, target.widths, side
+            target.means, target.max_variances, side
         )
         cells = read_only(starts), read_only(order), read_only(inside)
-        return *cells, read_only(corner), side, columns, rows, float(target.widths.max())
+        return *cells, read_only(corner), side, columns, rows, float(target.max_variances.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +165,7 @@ class NeighbourLists:
         ends, members = targets_in_reach(
             *search.grid,
             read_only(search.source.means[rows]),
-            read_only(search.source.widths[rows]),
+            read_only(search.source.max_variances[rows]),
             read_only(search.margins[rows]),
             self.pose.rotation,
             self.pose.translation,

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
-from scanlock.clouds.neighbours import ClosestPoints
+from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
@@ -29,7 +29,7 @@ class PointScan:
 
     Attributes
     ----------
-    closest : ClosestPoints
+    closest : NearestNeighbours
         The points that are paired, thinned or all, and the way to search them.
     spacing : float [m]
         Typical distance between neighbours among them, see `typical_spacing`.
@@ -41,7 +41,7 @@ class PointScan:
         What the search for a start looks up; (0, 3) without such a search.
     """
 
-    closest: ClosestPoints
+    closest: NearestNeighbours
     spacing: float
     normals: Points
     covariances: Matrix

@@ -23,7 +23,7 @@ from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_to
 from scanlock.registration.methods.scales import MIN_COVERAGE
 from scanlock.registration.methods.voxel_scan import measured_points, require_widths
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
-from scanlock.threads import spread
+from scanlock.threads import parallel_map
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +133,7 @@ class FineNdt:
         return scan if scan.width == width else self._cells(scan.points, width)
 
     def _cells(self, points: Points, width: float) -> FineNdtScan:
-        grids = spread(
+        grids = parallel_map(
             lambda offset: replace(self.grid, offset=offset).gaussians(points, width).gaussians,
             self.offsets,
         )

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from scanlock.clouds.cached_neighbours import cached_neighbours
-from scanlock.clouds.neighbours import ClosestPoints
+from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
@@ -130,7 +130,7 @@ class Gicp(Method[SurfaceScan]):
             count = len(tree)
         with log.stage("surface"):
             around = Neighbourhoods.around(tree, self.neighbours)
-            is_surface = around.widths <= self.max_surface_radius
+            is_surface = around.radii <= self.max_surface_radius
             if not is_surface.all() and is_surface.any():
                 rows = np.flatnonzero(is_surface)
                 tree = PointTree.from_points(tree.points[rows])
@@ -195,7 +195,7 @@ class Gicp(Method[SurfaceScan]):
         source: SurfaceScan,
         start: Pose,
         constraints: Constraints,
-        closest: ClosestPoints,
+        closest: NearestNeighbours,
     ) -> Solution:
         """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
         is_last = scale == self._scales[-1]
@@ -224,7 +224,7 @@ class Gicp(Method[SurfaceScan]):
         return Solution(pose, quadratic, reason, tuple(history), (note,), objective)
 
     def _misfit(
-        self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: ClosestPoints
+        self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: NearestNeighbours
     ) -> float:
         """Return the mean over the source of the squared distances at the finest scale, capped."""
         pairs, _ = self._meet(self._scales[-1], target, source, pose, closest)
@@ -238,7 +238,7 @@ class Gicp(Method[SurfaceScan]):
         target: SurfaceScan,
         source: SurfaceScan,
         pose: Pose,
-        closest: ClosestPoints,
+        closest: NearestNeighbours,
     ) -> tuple[DistributionPairs, float]:
         """Return the pairs at a pose, and the mean distance [m] of the closest points that met."""
         moved = pose.apply(source.surface.points)

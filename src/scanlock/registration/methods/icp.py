@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from scanlock.clouds.cached_neighbours import cached_neighbours
-from scanlock.clouds.neighbours import Search, closest_points
+from scanlock.clouds.neighbours import Search, nearest_neighbours
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
@@ -114,7 +114,7 @@ class Icp(Method[PointScan]):
                 points = voxel_means(points, self.voxel_size)
         with log.stage("search"):
             tree = PointTree.from_points(points)
-            closest = closest_points(tree, self.search)
+            closest = nearest_neighbours(tree, self.search)
             spacing = typical_spacing(tree)
         normals, covariances = np.zeros((0, 3)), np.zeros((0, 6))
         with log.stage("surface"):

@@ -33,7 +33,7 @@ from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_to
 from scanlock.registration.methods.protocol import Method, PreparationLog
 from scanlock.registration.methods.scales import dense_scales, require_enough, shares_of
 from scanlock.registration.methods.voxel_scan import measured_points
-from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.ground.finder import GroundDetector, GroundFinder
 from scanlock.segmentation.segmentation import is_obstacle
 
 
@@ -73,7 +73,7 @@ class MskmNdt(Method[KMeansScan]):
     """What is parted: the points above the ground, or all. Obstacles are fewer and faster, but
     leave height, roll and pitch to walls and trees."""
 
-    ground: GroundFinder = field(default_factory=GroundFinder)
+    ground: GroundDetector = field(default_factory=GroundFinder)
     """Finds the ground that obstacles stand on."""
 
     voxel_size: float = 0.5
@@ -162,7 +162,7 @@ class MskmNdt(Method[KMeansScan]):
         scales = dense_scales(target, source)
         for scale in scales:
             stays, moves = target.gaussians[scale], source.gaussians[scale]
-            deviation = float(np.sqrt(np.median(stays.widths)))
+            deviation = float(np.sqrt(np.median(stays.max_variances)))
             loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * deviation
             objective = self._objective(stays, moves, source.points)
             yield with_tolerance(self.solver, loose), constraints.applied_to(objective)

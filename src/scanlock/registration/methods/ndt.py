@@ -94,12 +94,12 @@ class Ndt(Method[VoxelScan]):
         scales = dense_scales(target)
         for scale in scales:
             voxels = target.voxels[scale]
-            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * voxels.width
+            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * voxels.size
             objective = self._objective(voxels, source.points)
             yield with_tolerance(self.solver, loose), constraints.applied_to(objective)
 
     def _objective(self, voxels: VoxelGaussians, points: Points) -> Objective:
-        shape = ScoreShape.magnusson(voxels.width, self.outlier_ratio)
+        shape = ScoreShape.magnusson(voxels.size, self.outlier_ratio)
         curvature = self.solver.curvature
         if self.association == "all":
             return PointsToGaussians(

@@ -117,7 +117,7 @@ class NdtD2d(Method[VoxelScan]):
         scales = dense_scales(target, source)
         for scale in scales:
             stays, moves = target.voxels[scale], source.voxels[scale]
-            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * stays.width
+            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * stays.size
             objective = GaussiansToGaussians(
                 target=stays.gaussians,
                 source=moves.gaussians,

@@ -146,8 +146,8 @@ class TransformEstimation:
         )
         if constraints.dof != "xyz+rpy":
             translation = "xyz" if constraints.dof == "xyz+yaw" else "xy"
-            return moments.about_z(translation) if moments.holds_yaw else None
-        if not moments.holds_rotation:
+            return moments.about_z(translation) if moments.constrains_yaw else None
+        if not moments.constrains_rotation:
             return None
         return (
             moments.by_quaternion()

@@ -61,7 +61,7 @@ def prepare_voxels(
     shares = shares_of([one.gaussians for one in voxels], len(points))
     scan = VoxelScan(read_only(thinned), voxels, shares)
     require_enough(scan, "cells with enough points")
-    found = ", ".join(f"{len(one)} Gaussians of {one.width:g} m" for one in voxels)
+    found = ", ".join(f"{len(one)} Gaussians of {one.size:g} m" for one in voxels)
     log.note(f"{found}, of {len(thinned)} points")
     return scan
 

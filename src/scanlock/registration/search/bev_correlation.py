@@ -23,7 +23,7 @@ from scanlock.registration.search.bev_grid import BevGrid, BevGridder
 from scanlock.registration.search.ground_alignment import ground_fitted
 from scanlock.registration.search.hypothesis import Hypothesis
 from scanlock.segmentation.ground.finder import Ground
-from scanlock.threads import spread
+from scanlock.threads import parallel_map
 
 _Maps = NDArray[np.float32]
 _Spectra = NDArray[np.complex64]
@@ -123,7 +123,7 @@ class BevSearch:
         """
         quarters = np.linspace(0.0, -2.0 * math.pi, 4, endpoint=False)
         turns = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
-        stays, moves = spread(
+        stays, moves = parallel_map(
             lambda side: self._spectra(*side, cell), ((target, quarters), (source, turns))
         )
         moves = moves.conj()
@@ -136,7 +136,7 @@ class BevSearch:
             )
 
         # A quarter at a time, which a cache holds.
-        spread(correlate, range(4))
+        parallel_map(correlate, range(4))
         return agreement.reshape(self.headings, _SIDE, _SIDE)
 
     def _spectra(self, view: BevGrid, turns: Vector, cell: float) -> _Spectra:

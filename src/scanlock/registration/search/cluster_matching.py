@@ -260,7 +260,7 @@ def _fitted(target: Points, source: Points, is_level: bool) -> Pose | None:
         target = np.concatenate([target, target.mean(axis=0) + posts])
         source = np.concatenate([source, source.mean(axis=0) + posts])
     moments = PairMoments.of(target, source)
-    return moments.by_singular_values() if moments.holds_rotation else None
+    return moments.by_singular_values() if moments.constrains_rotation else None
 
 
 def _between_scans(target: ClusterFeatures, source: ClusterFeatures, pose: Pose) -> Pose:

@@ -23,7 +23,7 @@ from typing import get_args
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.clouds.voxel_grid import voxel_cells, voxel_labels
+from scanlock.clouds.voxel_grid import voxel_indices, voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import (
@@ -189,7 +189,7 @@ class CovarianceEstimator:
         """
         side = self.block_size
         while side >= self.min_block_size:
-            labels, cells = voxel_cells(points, 0.5 * side)
+            labels, cells = voxel_indices(points, 0.5 * side)
             terms = objective.contributions(pose, labels)
             filled = np.flatnonzero(terms.hessians.any(axis=(1, 2)))
             if len(filled):

@@ -133,7 +133,7 @@ class LocalPlaneFitter:
             require_positive("radii", radius, unit="m")
         require_count("max_points", self.max_points)
         require_count("sample_size", self.sample_size)
-        require_count("min_points", self.min_points, least=4)
+        require_count("min_points", self.min_points, minimum=4)
         require_fraction("min_eigenvalue_ratio", self.min_eigenvalue_ratio)
 
     def query_points(self, cloud: PointCloud) -> Points:

@@ -1,1 +1,1 @@
-"""Ground segmentation: the paper's Gaussian process in polar sectors and the corrected form."""
+"""Ground segmentation: the corrected Gaussian process in polar sectors, and the published form."""

@@ -1,7 +1,7 @@
-"""The coarse ground: a surface of planar patches that needs no sensor height and no flat earth.
+"""Base surface: a coarse ground model of planar patches that requires no sensor height.
 
-It is the mean function of the Gaussian processes, so that these model what is left over: a
-hillside or an embankment is not a deviation of metres from one plane.
+It is the mean function of the Gaussian processes, which therefore model only the residual relief.
+Without it a hillside or an embankment would deviate by metres from the base plane.
 """
 
 from dataclasses import dataclass
@@ -17,61 +17,68 @@ from scanlock.kernels.ground.point_passes import sharp_prototypes
 from scanlock.segmentation.ground.plane import BasePlane
 from scanlock.segmentation.ground.prototypes import Prototypes
 
-# All numbers of this file are ours.
+# All constants of this file are ours.
 
 _SHARP_HEIGHT, _SHARP_SLOPE = 0.25, 0.15
-"""A point is close to the lowest of its cell within the first [m], plus the second times the
-width of the cell."""
+"""Close height of a cell [m], and its increase per metre of the width of the bin."""
 
-_SHARP_REACH = 3.0
-_SHARP_SHARE = 0.6
-"""A cell is sharp when this share of its points within the reach, times closeness, is close: a
-wall goes on above its foot, a floor does not, and a tree leaves a gap."""
+_SHARP_FACTOR = 3.0
+_SHARP_FRACTION = 0.6
+"""A cell is sharp if this fraction of its low points is within the close height of its lowest one.
 
-_STEEPEST = 0.6
-"""Slope of the steepest ground; what stands higher above lower ground nearby is an object."""
+Low points are those within `_SHARP_FACTOR` close heights. A floor is sharp; a wall extends above
+its foot, and a tree has a gap below its crown.
+"""
 
-_ENVELOPE_LIMIT = 0.25
-"""Ground lies within this height of the lower envelope [m]."""
+_MAX_SLOPE = 0.6
+"""Largest slope of the ground; points further above lower ground nearby are objects."""
 
-_SUPPORT, _SLACK = 3, 0.1
-"""A low point tells what stands above it only if so many around it lie about as low: within the
-second [m], plus half of the steepest slope."""
+_ENVELOPE_THRESHOLD = 0.25
+"""Height above the lower envelope below which a prototype may be ground [m]."""
+
+_MIN_ENVELOPE_SUPPORT, _ENVELOPE_SLACK = 3, 0.1
+"""A prototype shapes the envelope if so many prototypes around it are about as low.
+
+As low means within `_ENVELOPE_SLACK` [m] plus half of the largest slope.
+"""
 
 _PATCH_SECTORS = 30
 _FIRST_RING, _RING_GROWTH = 2.0, 1.22
-"""Patches about as deep as wide: 12 degrees, and rings that grow by a fifth from 2 m on."""
+"""Sectors and rings of patches, about as deep as wide: 12 degrees, rings that grow from 2 m on."""
 
-_GATE, _GATE_SLOPE = 0.3, 0.35
-"""A low point fits a prediction within the first [m], plus the second times the distance from
-the ground that predicts it [m]."""
+_THRESHOLD, _THRESHOLD_SLOPE = 0.3, 0.35
+"""Threshold of a prototype's residual to a predicted plane [m], and its increase per metre.
 
-_START_SHARE, _START_COUNT = 0.6, 3
-"""A patch starts the growth if this share of its low points, this many at least, lie on the base
-plane."""
+The distance is that from the patches that predict the plane.
+"""
+
+_START_FRACTION, _MIN_START_COUNT = 0.6, 3
+"""Minimum fraction and number of the prototypes of an initial patch that lie on the base plane."""
 
 _PRIOR_WEIGHT = 2.0
 _SLOPE_DEVIATION = 0.15
 _POINT_DEVIATION = 0.1
-"""A prediction counts as so many low points, each of the last deviation [m]; slopes change by
-about the second from patch to patch."""
+"""Weight of a prediction as a number of prototypes, and deviation of each of them [m].
 
-_ROUGHNESS = 0.15
-"""Largest standard deviation of the low points of a patch about its plane [m]."""
+The slope of a patch differs from the prediction by about `_SLOPE_DEVIATION`.
+"""
+
+_MAX_ROUGHNESS = 0.15
+"""Largest standard deviation of the prototypes of a patch about its plane [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseSurface:
-    """The coarse ground at the prototypes of a scan.
+    """Coarse ground model at the prototypes of a scan.
 
     Attributes
     ----------
     height : (n,) [m]
-        Height of the coarse ground above the base plane at each prototype; NaN away from it.
+        Height of the surface above the base plane at each prototype; NaN outside the patches.
     sharp : (n,)
-        Cells whose points lie flat at their lowest end.
+        Cells without upright structure: most of their points are close to the lowest one.
     on_envelope : (n,)
-        Prototypes that do not stand above lower ones nearby.
+        Prototypes on the lower envelope of the prototypes.
     """
 
     height: Vector
@@ -86,7 +93,19 @@ class BaseSurface:
 def fit_base_surface(
     points: Points, prototypes: Prototypes, plane: BasePlane, grid: PolarGrid
 ) -> BaseSurface:
-    """Return the coarse ground that grows from the base plane, patch by patch."""
+    """Fit the base surface by growing planar patches from the base plane.
+
+    Parameters
+    ----------
+    points : (m, 3) [m]
+        Levelled points.
+    prototypes : Prototypes
+        Lowest points of the cells.
+    plane : BasePlane
+        Plane through the initial patches.
+    grid : PolarGrid
+        Grid of the prototypes.
+    """
     heights = plane.heights(prototypes.points)
     x, y, z = (
         read_only(column) for column in (prototypes.points[:, 0], prototypes.points[:, 1], heights)
@@ -98,24 +117,32 @@ def fit_base_surface(
         prototypes.cells,
         plane.coefficients,
         read_only(_SHARP_HEIGHT + _SHARP_SLOPE * np.diff(grid.edges)),
-        _SHARP_REACH,
-        _SHARP_SHARE,
+        _SHARP_FACTOR,
+        _SHARP_FRACTION,
     )
     envelope = lower_envelope(
-        x, y, z, prototypes.cells, prototypes.starts, prototypes.bins, _STEEPEST, _SLACK, _SUPPORT
+        x,
+        y,
+        z,
+        prototypes.cells,
+        prototypes.starts,
+        prototypes.bins,
+        _MAX_SLOPE,
+        _ENVELOPE_SLACK,
+        _MIN_ENVELOPE_SUPPORT,
     )
-    # Reflections below the ground must not take the ground around them away.
-    on_plane = np.abs(heights) < _GATE
-    on_envelope = (heights - envelope < _ENVELOPE_LIMIT) | on_plane
+    # Reflections below the ground must not exclude the ground around them.
+    on_plane = np.abs(heights) < _THRESHOLD
+    on_envelope = (heights - envelope < _ENVELOPE_THRESHOLD) | on_plane
     return BaseSurface(
-        _patched_heights(x, y, z, sharp & on_envelope, on_plane, prototypes), sharp, on_envelope
+        _patch_heights(x, y, z, sharp & on_envelope, on_plane, prototypes), sharp, on_envelope
     )
 
 
-def _patched_heights(
-    x: Vector, y: Vector, z: Vector, firm: Mask, on_plane: Mask, prototypes: Prototypes
+def _patch_heights(
+    x: Vector, y: Vector, z: Vector, candidates: Mask, on_plane: Mask, prototypes: Prototypes
 ) -> Vector:
-    """Return the height of the coarse ground at each prototype from the patches of the firm."""
+    """Return the height of patches at each prototype; they are fitted to the candidates."""
     sectors = min(_PATCH_SECTORS, len(prototypes.starts) - 1)
     patch, rings = prototype_patches(
         prototypes.ranges, prototypes.starts, sectors, _FIRST_RING, _RING_GROWTH
@@ -123,10 +150,10 @@ def _patched_heights(
     members, first, occupied, start = patch_members(
         read_only(patch),
         sectors * rings,
-        read_only(firm),
+        read_only(candidates),
         read_only(on_plane),
-        _START_SHARE,
-        _START_COUNT,
+        _START_FRACTION,
+        _MIN_START_COUNT,
     )
     patches, accepted = grow_patches(
         x,
@@ -138,11 +165,11 @@ def _patched_heights(
         read_only(start),
         sectors,
         rings,
-        _GATE,
-        _GATE_SLOPE,
+        _THRESHOLD,
+        _THRESHOLD_SLOPE,
         _PRIOR_WEIGHT,
         _PRIOR_WEIGHT * (_POINT_DEVIATION / _SLOPE_DEVIATION) ** 2,
-        _ROUGHNESS,
+        _MAX_ROUGHNESS,
     )
     return heights_of_patches(
         x, y, read_only(patch), read_only(patches), read_only(accepted), sectors, rings

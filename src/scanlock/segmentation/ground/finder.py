@@ -1,17 +1,18 @@
-"""Ground segmentation: chi of Das et al. 2013, section IV.
+"""Ground segmentation: chi of Das et al. 2013, section IV, in a corrected and the published form.
 
-The lowest point of each polar cell is a prototype. A base plane through the prototypes levels
-the cloud, a base surface of patches grows from it, and about that surface one Gaussian process
-per sector grows by incremental sample consensus (INSAC). Every point is decided.
+The prototype of a polar cell is its lowest point. In the corrected form, a base plane through the
+prototypes levels the cloud, and a base surface of planar patches grows from it. One Gaussian
+process per sector about that surface grows by incremental sample consensus (INSAC). The height
+above the model classifies every point.
 """
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Protocol
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Points, read_only
+from scanlock.arrays import Points, Vector, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
@@ -19,102 +20,86 @@ from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.model import extent
 from scanlock.kernels.ground.point_passes import split_by_knots, turned_points
 from scanlock.segmentation.ground.base import fit_base_surface
-from scanlock.segmentation.ground.gaussian_process import GaussianProcess, Lending
-from scanlock.segmentation.ground.model import knots_of_model, modelled_heights
+from scanlock.segmentation.ground.gaussian_process import (
+    GaussianProcess,
+    Insac,
+    SectorInterpolation,
+)
+from scanlock.segmentation.ground.model import grow_ground, knots_of_model
 from scanlock.segmentation.ground.plane import BasePlane, fit_base_plane
 from scanlock.segmentation.ground.prototypes import Prototypes
-from scanlock.segmentation.ground.published import published_knots
+from scanlock.segmentation.ground.published import knots_of_prototypes, lowest_seeds
 from scanlock.segmentation.ground.result import Ground as Ground
 from scanlock.segmentation.ground.result import GroundStatus as GroundStatus
 
-_LEAST_PROTOTYPES = 10
-"""Fewer low points on the base plane are no evidence of a ground (ours)."""
+_MIN_PROTOTYPES = 10
+"""Minimum number of ground prototypes (ours)."""
 
-_LEAST_BREADTH = 0.5
-"""Standard deviation [m] that the ground must spread along both its axes (ours): the foot of a
-wall is a line, a step of a stair a narrow strip."""
+_MIN_BREADTH = 0.5
+"""Minimum standard deviation of the ground along both horizontal axes [m] (ours).
 
-_UPWARDS = np.array([0.0, 0.0, 1.0, 0.0])
-"""The plane of the published form: z at the height of the sensor."""
+The foot of a wall is a line, a step of a staircase a narrow strip.
+"""
 
-_FIRM_SUPPORT = 0.2
-"""Share of the lowest points on the base plane from which its tilt is believed (ours)."""
+_MIN_LEVELLING_SUPPORT = 0.2
+"""Minimum support of a base plane that levels the cloud (ours)."""
+
+_SENSOR_PLANE = read_only(np.array([0.0, 0.0, 1.0, 0.0]))
+"""Base plane of the published form: horizontal, at the height of the sensor."""
+
+
+class GroundDetector(Protocol):
+    """Ground segmentation of one scan, chi."""
+
+    def find(self, cloud: PointCloud) -> Ground:
+        """Find the ground of a cloud whose z axis is roughly upwards."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GroundFinder:
-    """Finds the ground of one scan.
-
-    ``GroundFinder()`` is the corrected method, which needs no sensor height;
-    ``GroundFinder.das2013()`` the method with its published constants and defects.
-    """
-
-    form: Literal["corrected", "published"] = "corrected"
-    """Corrected: processes about a base surface, uncertain sectors helped by their neighbours,
-    points decided against the model. Published: processes about the height of the sensor, points
-    decided against the lowest one of their cell."""
+    """Settings of ground segmentation in the corrected form, which needs no sensor height."""
 
     grid: PolarGrid = field(
         default_factory=lambda: PolarGrid(
             sectors=180, max_range=100.0, first_width=0.5, growth=1.03
         )
     )
-    """Sectors and range bins; one prototype per cell. Bins grow, as returns thin out (ours)."""
+    """Sectors and range bins; the width of bins grows, since returns get sparse (ours)."""
 
-    process: GaussianProcess = field(default_factory=GaussianProcess)
-    """The ground of one sector about its mean function."""
+    insac: Insac = field(default_factory=Insac)
+    """Gaussian process of each sector about the base surface, and its growth."""
 
-    lending: Lending = field(default_factory=Lending)
-    """How sectors whose ground is hidden take heights from their neighbours. Corrected form
-    only."""
+    height_threshold: float = 0.25
+    """Distance from the modelled ground below which a point is ground [m], T_g (ours)."""
 
-    variance_limit: float = 0.04
-    """A prototype joins, and a height counts as known, where the variance of the model is below
-    this [m^2], T_model (ours; the published 5 accepts always)."""
+    max_seed_height: float = 0.3
+    """Largest distance of a seed from the base surface [m] (ours)."""
 
-    residual_limit: float = 3.0
-    """A prototype joins within this many standard deviations of the model, T_data (ours)."""
-
-    height_limit: float = 0.25
-    """A point this close to the modelled ground is ground [m], T_g (ours; 0.3 published)."""
-
-    seed_height: float = 0.3
-    """A prototype this close to the mean function may be a seed [m] (ours)."""
-
-    seed_range: float = math.inf
-    """A prototype within this range may be a seed [m]."""
-
-    seed_count: int | None = None
-    """Most seeds of a sector, the lowest; None takes all. Published form only."""
+    max_seed_range: float = math.inf
+    """Largest range of a seed [m]."""
 
     min_points: int = 1
-    """A cell with fewer points has no prototype."""
+    """Minimum number of points of a cell with a prototype."""
 
     max_tilt: float = math.radians(45.0)
-    """No ground is looked for beyond this angle between its normal and the z axis [rad]."""
+    """Largest angle between the ground normal and the z axis [rad]."""
 
     level_tilt: float = math.radians(5.0)
-    """Beyond this angle the cloud is turned upright before its ground is modelled [rad]."""
+    """Angle between the ground normal and the z axis above which the cloud is levelled [rad]."""
 
     min_support: float = 0.1
-    """Share of the prototypes that must be ground (ours)."""
+    """Minimum fraction of the prototypes that are ground (ours)."""
 
     min_sharpness: float = 0.6
-    """Share of the points within three `height_limit` of the ground that must lie within one
-    (ours): a ground is a surface, while walls, leaves and noise go on above it."""
+    """Minimum fraction of the points near the ground that are ground (ours).
+
+    Points are near within three `height_threshold`. Near a surface most of them are within one;
+    walls, foliage and noise extend further.
+    """
 
     def __post_init__(self) -> None:
-        if self.form not in ("corrected", "published"):
-            raise InvalidInput(f"form must be 'corrected' or 'published', got {self.form!r}")
-        require_positive("variance_limit", self.variance_limit, unit="m^2")
-        require_positive("residual_limit", self.residual_limit)
-        require_positive("height_limit", self.height_limit, unit="m")
-        require_positive("seed_height", self.seed_height, unit="m")
-        if not self.seed_range > 0:
-            raise InvalidInput(f"seed_range must be positive, got {self.seed_range} m")
-        if self.seed_count is not None:
-            require_count("seed_count", self.seed_count, 2)
-        require_count("min_points", self.min_points, 1)
+        _require_thresholds(self)
         require_fraction("min_support", self.min_support)
         require_fraction("min_sharpness", self.min_sharpness)
         if not 0 < self.level_tilt <= self.max_tilt < math.pi / 2:
@@ -123,150 +108,213 @@ class GroundFinder:
                 f"{self.level_tilt} and {self.max_tilt} rad"
             )
 
-    @classmethod
-    def das2013(cls) -> "GroundFinder":
-        """Return the published method: settings of libwave, by the authors of Das et al. 2013.
-
-        Its defects are part of it: the variance gate never closes, residuals of 2.7 m pass,
-        and away from its prototypes the model drifts back to the height of the sensor. Unlike
-        the public code it answers for every point (what that code leaves out is not ground),
-        and its gate divides by ``sqrt(noise + V)``, where that code squares V, at most 1, again.
-        """
-        return cls(
-            form="published",
-            grid=PolarGrid(sectors=72, max_range=100.0, first_width=0.5),
-            process=GaussianProcess(
-                length_scale=10.0, signal_deviation=1.0, noise_deviation=math.sqrt(0.3)
-            ),
-            variance_limit=5.0,
-            residual_limit=5.0,
-            height_limit=0.3,
-            seed_height=15.0,
-            seed_range=50.0,
-            seed_count=10,
-            min_points=6,
-        )
-
     def find(self, cloud: PointCloud) -> Ground:
-        """Return the ground of a cloud whose z axis points upwards within `max_tilt`.
+        """Find the ground of a cloud whose z axis is upwards within `max_tilt`.
 
-        Never raises for want of ground: see `Ground.status` and `Ground.reason`.
+        A cloud without ground raises nothing; see `Ground.status` and `Ground.reason`.
         """
-        if self.form == "published":
-            return self._find_published(cloud)
-        points, rotation, prototypes, plane = self._upright(cloud.points)
-        if len(prototypes.points) < _LEAST_PROTOTYPES:
-            return Ground.none(
-                len(cloud),
-                f"only {len(prototypes.points)} cells within {self.grid.max_range:g} m of the "
-                "origin hold points",
-            )
-        if plane is None:
-            return Ground.none(len(cloud), "no plane fits the lowest points")
-        up = rotation.T @ plane.normal
-        tilt = math.atan2(math.hypot(up[0], up[1]), up[2])
-        if tilt > self.max_tilt:
-            return Ground.none(
-                len(cloud), f"the lowest points lie in a plane {math.degrees(tilt):.0f} deg off z"
-            )
-        base = fit_base_surface(points, prototypes, plane, self.grid)
-        accepted, modelled = modelled_heights(
+        level = self._levelled(cloud.points)
+        if isinstance(level, str):
+            return Ground.none(len(cloud), level)
+        prototypes, plane = level.prototypes, level.plane
+        base = fit_base_surface(level.points, prototypes, plane, self.grid)
+        accepted, modelled = grow_ground(
             prototypes,
             plane,
             base,
-            self.process,
-            self.lending,
-            seed_height=self.seed_height,
-            seed_range=self.seed_range,
-            variance_limit=self.variance_limit,
-            residual_limit=self.residual_limit,
+            self.insac,
+            max_seed_height=self.max_seed_height,
+            max_seed_range=self.max_seed_range,
         )
         height, is_ground, is_below, near, close = split_by_knots(
-            read_only(points),
+            read_only(level.points),
             prototypes.cell_of_point,
             plane.coefficients,
-            knots_of_model(prototypes, modelled, base.sharp, self.height_limit),
-            self.height_limit,
+            knots_of_model(prototypes, modelled, base.sharp, self.height_threshold),
+            self.height_threshold,
         )
         count, breadth, sectors = extent(prototypes.points, read_only(accepted), prototypes.starts)
-        doubt = self._doubt_about(count, len(accepted), breadth, close, near)
-        if doubt:
-            return Ground.none(len(cloud), doubt)
-        tilted = tilt > self.level_tilt
+        if objection := self._objection(count, len(accepted), breadth, close, near):
+            return Ground.none(len(cloud), objection)
+        is_tilted = level.tilt > self.level_tilt
         return Ground(
             is_ground=is_ground,
             is_below=is_below,
             height=height,
-            status=GroundStatus.TILTED if tilted else GroundStatus.FOUND,
+            status=GroundStatus.TILTED if is_tilted else GroundStatus.FOUND,
             reason=f"{count / len(accepted):.0%} of the lowest points of all cells are ground"
-            + (f", {math.degrees(tilt):.0f} degrees off the z axis" if tilted else ""),
-            plane=np.append(up, plane.offset),
+            + (f", {math.degrees(level.tilt):.0f} degrees off the z axis" if is_tilted else ""),
+            plane=np.append(level.up, plane.offset),
             sensor_height=math.nan if cloud.origin.any() else plane.offset,
             sectors=sectors,
         )
 
-    def _upright(self, points: Points) -> tuple[Points, Matrix, Prototypes, BasePlane | None]:
-        """Return the points with their ground level, how they were turned, and what it shows."""
+    def _levelled(self, points: Points) -> "_LevelCloud | str":
+        """Level a cloud by its base plane; return the reason where that is impossible."""
         rotation = np.eye(3)
         prototypes = Prototypes.of(points, self.grid, self.min_points)
         plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
-        # The second turn mends what prototypes taken in a tilted frame got wrong.
+        # The second rotation corrects the error of prototypes found in a tilted frame.
         for _ in range(2):
-            if plane is None or plane.tilt <= self.level_tilt or plane.support < _FIRM_SUPPORT:
+            if (
+                plane is None
+                or plane.tilt <= self.level_tilt
+                or plane.support < _MIN_LEVELLING_SUPPORT
+            ):
                 break
-            turn = rotation_onto_z(plane.normal)
-            points, rotation = turned_points(read_only(points), read_only(turn)), turn @ rotation
+            levelling = rotation_onto_z(plane.normal)
+            points = turned_points(read_only(points), read_only(levelling))
+            rotation = levelling @ rotation
             prototypes = Prototypes.of(points, self.grid, self.min_points)
             plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
-        return points, rotation, prototypes, plane
+        if len(prototypes.points) < _MIN_PROTOTYPES:
+            return (
+                f"only {len(prototypes.points)} cells within {self.grid.max_range:g} m of the "
+                "origin contain points"
+            )
+        if plane is None:
+            return "no plane fits the lowest points"
+        level = _LevelCloud(points, rotation.T @ plane.normal, prototypes, plane)
+        if level.tilt > self.max_tilt:
+            degrees = math.degrees(level.tilt)
+            return f"the plane of the lowest points is {degrees:.0f} degrees off the z axis"
+        return level
 
-    def _doubt_about(
-        self, count: int, prototypes: int, breadth: float, close: int, near: int
-    ) -> str:
-        """Return why `count` ground prototypes are no ground; empty if nothing speaks against it.
+    def _objection(self, count: int, prototypes: int, breadth: float, close: int, near: int) -> str:
+        """Return the reason why a model is not ground; empty if it is.
 
-        They spread by `breadth` [m] at least. Of `near` points within three limits of the model,
-        `close` lie within one.
+        It has `count` of the prototypes, with a standard deviation of at least `breadth` [m] in any
+        horizontal direction. `close` and `near` are the numbers of points within one and three
+        height thresholds.
         """
-        if count < max(_LEAST_PROTOTYPES, self.min_support * prototypes):
+        if count < max(_MIN_PROTOTYPES, self.min_support * prototypes):
             return f"only {count} of the {prototypes} lowest points lie on a common surface"
-        if breadth < _LEAST_BREADTH:
+        if breadth < _MIN_BREADTH:
             return f"the lowest points lie along a line, {breadth:.2f} m wide"
         if close < self.min_sharpness * near:
             return (
-                f"only {close / near:.0%} of the points near the modelled ground lie on it; it "
-                "is no surface"
+                f"only {close / near:.0%} of the points near the modelled ground lie on it, so it "
+                "is not a surface"
             )
         return ""
 
-    def _find_published(self, cloud: PointCloud) -> Ground:
-        prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
-        knots, sectors = published_knots(
-            prototypes,
-            self.process,
-            variance_limit=self.variance_limit,
-            residual_limit=self.residual_limit,
-            seed_height=self.seed_height,
-            seed_range=self.seed_range,
-            seed_count=self.seed_count,
-            height_limit=self.height_limit,
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LevelCloud:
+    """Levelled cloud.
+
+    Attributes
+    ----------
+    points : (n, 3) [m]
+        Levelled points.
+    up : (3,)
+        Normal of the base plane in the input frame.
+    prototypes : Prototypes
+        Lowest points of the cells of the levelled cloud.
+    plane : BasePlane
+        Base plane in the levelled frame.
+    """
+
+    points: Points
+    up: Vector
+    prototypes: Prototypes
+    plane: BasePlane
+
+    @property
+    def tilt(self) -> float:
+        """Angle between `up` and the z axis [rad]."""
+        x, y, z = self.up
+        return math.atan2(math.hypot(x, y), z)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PublishedGroundFinder:
+    """Settings of ground segmentation as published: those of libwave, by its authors.
+
+    Known defects: the variance threshold exceeds every variance, residuals of 2.7 m pass, and
+    away from its prototypes the model returns to the height of the sensor.
+
+    The public code differs in two points. It leaves some points without a label; here they are not
+    ground. It also divides residuals by ``sqrt(noise + V**2)`` instead of ``sqrt(noise + V)``.
+    """
+
+    grid: PolarGrid = field(
+        default_factory=lambda: PolarGrid(sectors=72, max_range=100.0, first_width=0.5)
+    )
+    """Sectors and range bins."""
+
+    insac: Insac = field(
+        default_factory=lambda: Insac(
+            process=GaussianProcess(
+                length_scale=10.0, signal_deviation=1.0, noise_deviation=math.sqrt(0.3)
+            ),
+            variance_threshold=5.0,
+            residual_threshold=5.0,
+            interpolation=SectorInterpolation(iterations=0),
         )
+    )
+    """Gaussian process of each sector about the height of the sensor, and its growth."""
+
+    height_threshold: float = 0.3
+    """Distance from the prototype of its cell below which a point is ground [m], T_g."""
+
+    max_seed_height: float = 15.0
+    """Largest distance of a seed from the height of the sensor [m]."""
+
+    max_seed_range: float = 50.0
+    """Largest range of a seed [m]."""
+
+    max_seeds: int | None = 10
+    """Maximum number of seeds of a sector, the lowest ones; None for all."""
+
+    min_points: int = 6
+    """Minimum number of points of a cell with a prototype."""
+
+    def __post_init__(self) -> None:
+        _require_thresholds(self)
+        if self.max_seeds is not None:
+            require_count("max_seeds", self.max_seeds, 2)
+
+    def find(self, cloud: PointCloud) -> Ground:
+        """Find the ground of a cloud whose z axis is upwards.
+
+        A cloud without ground raises nothing; see `Ground.status` and `Ground.reason`.
+        """
+        prototypes = Prototypes.of(cloud.points, self.grid, self.min_points)
+        seeds = lowest_seeds(
+            prototypes,
+            max_height=self.max_seed_height,
+            max_range=self.max_seed_range,
+            max_count=self.max_seeds,
+        )
+        heights = prototypes.points[:, 2]
+        accepted, _, _ = self.insac.grow(prototypes.starts, prototypes.ranges, heights, seeds)
+        _, _, sectors = extent(prototypes.points, read_only(accepted), prototypes.starts)
         if sectors == 0:
-            return Ground.none(len(cloud), "no sector has two prototypes to start from")
+            return Ground.none(len(cloud), "no sector has the two seeds that its model needs")
         height, is_ground, is_below, _, _ = split_by_knots(
             cloud.points,
             prototypes.cell_of_point,
-            read_only(_UPWARDS),
-            knots,
-            self.height_limit,
+            _SENSOR_PLANE,
+            knots_of_prototypes(prototypes, accepted, self.height_threshold),
+            self.height_threshold,
         )
         return Ground(
             is_ground=is_ground,
             is_below=is_below,
             height=height,
             status=GroundStatus.FOUND,
-            reason=f"{sectors} sectors have prototypes to start from, believed as published",
+            reason=f"{sectors} sectors have a ground model; the published form checks no further",
             plane=np.array([0.0, 0.0, 1.0, math.nan]),
             sensor_height=math.nan,
             sectors=sectors,
         )
+
+
+def _require_thresholds(settings: GroundFinder | PublishedGroundFinder) -> None:
+    """Raise `InvalidInput` for invalid settings that both forms have."""
+    require_positive("height_threshold", settings.height_threshold, unit="m")
+    require_positive("max_seed_height", settings.max_seed_height, unit="m")
+    if not settings.max_seed_range > 0:
+        raise InvalidInput(f"max_seed_range must be positive, got {settings.max_seed_range} m")
+    require_count("min_points", settings.min_points, 1)

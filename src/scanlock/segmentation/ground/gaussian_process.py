@@ -1,6 +1,6 @@
-"""A Gaussian process over range, and the consensus that grows with it."""
+"""Gaussian process regression of the ground over range, and its growth by INSAC."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,109 +10,130 @@ from scanlock.kernels.ground.gaussian_process import grow_sectors
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Lending:
-    """How sectors without a model of their own take one from their neighbours (all ours)."""
-
-    rounds: int = 2
-    """How often; each time, models reach farther behind what hides the ground."""
-
-    reach: int = 8
-    """Sectors to either side that may lend."""
-
-    gap: float = 1.0
-    """How much nearer or farther than the borrower the lender may be [m]."""
-
-    slope_deviation: float = 0.05
-    """Standard deviation of the slope, across sectors, of the ground less its mean function."""
-
-    def __post_init__(self) -> None:
-        require_count("rounds", self.rounds, 0)
-        require_count("reach", self.reach, 1)
-        require_positive("gap", self.gap, unit="m")
-        require_positive("slope_deviation", self.slope_deviation)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class GaussianProcess:
-    """A smooth random function of range with the squared exponential covariance.
+    """Settings of a Gaussian process over range with squared exponential covariance.
 
     ``k(r, r') = signal_deviation**2 exp(-(r - r')**2 / (2 length_scale**2))``.
     """
 
     length_scale: float = 10.0
-    """Distance over which heights stay alike [m] (Das and Servos, libwave settings)."""
+    """Correlation length of heights over range [m] (settings of libwave)."""
 
     signal_deviation: float = 0.5
     """Standard deviation of the ground about its mean function [m] (ours)."""
 
     noise_deviation: float = 0.06
-    """Standard deviation of one prototype about the ground [m] (ours)."""
+    """Standard deviation of a prototype about the ground [m] (ours)."""
 
     def __post_init__(self) -> None:
         require_positive("length_scale", self.length_scale, unit="m")
         require_positive("signal_deviation", self.signal_deviation, unit="m")
         require_positive("noise_deviation", self.noise_deviation, unit="m")
 
-    def consensus(
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SectorInterpolation:
+    """Settings of the interpolation of uncertain sectors from neighbouring sectors (all ours).
+
+    An uncertain prototype takes the heights of the nearest certain sector on either side as
+    observations. Their variance increases with the distance across sectors.
+    """
+
+    iterations: int = 2
+    """Number of passes; each extends the models further into occluded regions. 0 disables it."""
+
+    max_sectors: int = 8
+    """Maximum number of sectors between a prototype and an observation."""
+
+    max_range_difference: float = 1.0
+    """Maximum difference in range between a prototype and an observation [m]."""
+
+    slope_deviation: float = 0.05
+    """Standard deviation of the slope across sectors of the ground about its mean function."""
+
+    def __post_init__(self) -> None:
+        require_count("iterations", self.iterations, 0)
+        require_count("max_sectors", self.max_sectors, 1)
+        require_positive("max_range_difference", self.max_range_difference, unit="m")
+        require_positive("slope_deviation", self.slope_deviation)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Insac:
+    """Settings of incremental sample consensus (INSAC) with one Gaussian process per sector."""
+
+    process: GaussianProcess = field(default_factory=GaussianProcess)
+    """Process of the ground of one sector about its mean function."""
+
+    variance_threshold: float = 0.04
+    """Variance of the model below which a prototype may join and a height is known [m^2].
+
+    T_model (ours). The published value of 5 exceeds every variance.
+    """
+
+    residual_threshold: float = 3.0
+    """Residual below which a prototype joins, in standard deviations: T_data (ours)."""
+
+    interpolation: SectorInterpolation = field(default_factory=SectorInterpolation)
+    """Interpolation of sectors with occluded ground."""
+
+    def __post_init__(self) -> None:
+        require_positive("variance_threshold", self.variance_threshold, unit="m^2")
+        require_positive("residual_threshold", self.residual_threshold)
+
+    def grow(
         self,
         starts: Labels,
         ranges: Vector,
         heights: Vector,
         seeds: Mask,
-        *,
-        variance_limit: float,
-        residual_limit: float,
-        caps: Vector | None = None,
-        lending: Lending | None = None,
+        max_residuals: Vector | None = None,
     ) -> tuple[Mask, Vector, Vector]:
-        """Grow a model of every sector from its seeds (INSAC).
+        """Grow the model of every sector from its seeds.
 
         Parameters
         ----------
         starts : (sectors + 1,)
-            Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
+            Sector s has the prototypes ``starts[s]:starts[s + 1]``.
         ranges, heights : (n,) [m]
-            Prototypes; heights are relative to the mean function. A NaN height never joins.
+            Ranges of the prototypes, and their heights above the mean function. Prototypes with a
+            NaN height never join.
         seeds : (n,)
-            The prototypes each sector starts from.
-        variance_limit : float [m^2]
-            A prototype joins only where the variance of the model is below this.
-        residual_limit : float
-            A prototype joins only within this many standard deviations of the model, its own
-            noise included.
-        caps : (n,) [m], optional
-            Largest residual with which each prototype may join, whatever the deviation.
-        lending : Lending, optional
-            How uncertain sectors take heights from their neighbours; they do not by default.
+            Prototypes of the initial models.
+        max_residuals : (n,) [m], optional
+            Additional threshold on the residual of each prototype; infinite by default.
 
         Returns
         -------
         accepted : (n,)
-            The prototypes of the final models, seeds included.
-        mean, variance : (n,) [m, m^2]
-            The final models at the ranges of all prototypes; the prior in sectors without any.
+            Prototypes of the final models, seeds included.
+        mean : (n,) [m]
+            Mean of the final models at the prototypes; zero in sectors without a model.
+        variance : (n,) [m^2]
+            Variance of the final models at the prototypes; that of the prior without a model.
 
         Notes
         -----
-        Tongtong, Dai, Liu and He 2011, as summarised by Das et al. 2013, section IV. The
-        factor of the covariance grows by one row for each prototype that joins, so no matrix
-        is inverted, and only the diagonal of the posterior covariance is ever formed.
+        Tongtong, Dai, Liu and He 2011, as summarised in section IV of Das et al. 2013. The Cholesky
+        factor of the covariance is extended by one row for each prototype that joins. Only the
+        diagonal of the posterior covariance is computed.
         """
-        lending = lending if lending is not None else Lending(rounds=0)
+        process, interpolation = self.process, self.interpolation
+        unlimited = np.full(len(ranges), np.inf)
         return grow_sectors(
             read_only(starts),
             read_only(ranges),
             read_only(heights),
             read_only(seeds),
-            read_only(np.full(len(ranges), np.inf) if caps is None else caps),
-            float(self.length_scale),
-            float(self.signal_deviation) ** 2,
-            float(self.noise_deviation) ** 2,
-            float(variance_limit),
-            float(residual_limit),
-            int(lending.rounds),
-            # Farther would be nearer the other way round.
-            min(int(lending.reach), (len(starts) - 2) // 2),
-            float(lending.slope_deviation),
-            float(lending.gap),
+            read_only(unlimited if max_residuals is None else max_residuals),
+            float(process.length_scale),
+            float(process.signal_deviation) ** 2,
+            float(process.noise_deviation) ** 2,
+            float(self.variance_threshold),
+            float(self.residual_threshold),
+            int(interpolation.iterations),
+            # No more than half of the circle: the other direction is shorter beyond it.
+            min(int(interpolation.max_sectors), (len(starts) - 2) // 2),
+            float(interpolation.slope_deviation),
+            float(interpolation.max_range_difference),
         )

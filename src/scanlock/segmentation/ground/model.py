@@ -1,73 +1,92 @@
-"""The height of the ground along every sector: consensus, lending, and knots to read it off."""
+"""Ground model of every sector: seeds, growth by INSAC, and knots for the heights of points."""
 
 import numpy as np
 
 from scanlock.arrays import Mask, Matrix, Vector, frozen, read_only
 from scanlock.kernels.ground.model import knots_between_prototypes, seeds_on_base
 from scanlock.segmentation.ground.base import BaseSurface
-from scanlock.segmentation.ground.gaussian_process import GaussianProcess, Lending
+from scanlock.segmentation.ground.gaussian_process import Insac
 from scanlock.segmentation.ground.plane import BasePlane
 from scanlock.segmentation.ground.prototypes import Prototypes
 
-BLUNT_LIMIT = 0.15
-"""Where points go on upwards, at walls and bushes, only what lies this close to the model is
-ground [m] (ours)."""
+BLUNT_THRESHOLD = 0.15
+"""Height threshold of ground in cells with upright structure, such as walls [m] (ours)."""
 
-_LEAST_STEP = 1e-3
-"""Prototypes closer than this in range [m] give no slope between them."""
+_MIN_STEP = 1e-3
+"""Minimum difference in range [m] of prototypes that define a slope."""
 
 
-def modelled_heights(
+def grow_ground(
     prototypes: Prototypes,
     plane: BasePlane,
     base: BaseSurface,
-    process: GaussianProcess,
-    lending: Lending,
+    insac: Insac,
     *,
-    seed_height: float,
-    seed_range: float,
-    variance_limit: float,
-    residual_limit: float,
+    max_seed_height: float,
+    max_seed_range: float,
 ) -> tuple[Mask, Vector]:
-    """Return which prototypes are ground, and the modelled height above the plane at each [m].
+    """Grow the ground model of every sector from its seeds near the base surface.
 
-    NaN where the model is uncertain. Sectors grow alone first, from the seeds near the base
-    surface. Where one stays uncertain, behind a car or under dense leaves, the nearest certain
-    sectors to its sides lend their heights, with a variance that grows with the distance
-    across, and it grows again.
+    Parameters
+    ----------
+    prototypes : Prototypes
+        Lowest points of the cells.
+    plane : BasePlane
+        Plane that heights are measured from.
+    base : BaseSurface
+        Mean function of the Gaussian processes.
+    insac : Insac
+        Settings of the growth.
+    max_seed_height : float [m]
+        Largest distance of a seed from the base surface.
+    max_seed_range : float [m]
+        Largest range of a seed.
+
+    Returns
+    -------
+    accepted : (n,)
+        Prototypes that are ground.
+    modelled : (n,) [m]
+        Modelled height above the base plane at each prototype; NaN where the model is uncertain.
     """
-    heights, seeds, caps = seeds_on_base(
+    heights, seeds, max_residuals = seeds_on_base(
         read_only(plane.heights(prototypes.points)),
         base.height,
         prototypes.ranges,
         base.sharp,
         base.on_envelope,
-        float(seed_height),
-        float(seed_range),
-        BLUNT_LIMIT,
+        float(max_seed_height),
+        float(max_seed_range),
+        BLUNT_THRESHOLD,
     )
-    accepted, mean, variance = process.consensus(
-        prototypes.starts,
-        prototypes.ranges,
-        heights,
-        seeds,
-        variance_limit=variance_limit,
-        residual_limit=residual_limit,
-        caps=caps,
-        lending=lending,
+    accepted, mean, variance = insac.grow(
+        prototypes.starts, prototypes.ranges, heights, seeds, max_residuals
     )
     modelled = mean + base.height
-    modelled[variance >= variance_limit] = np.nan
+    modelled[variance >= insac.variance_threshold] = np.nan
     return accepted, modelled
 
 
 def knots_of_model(
-    prototypes: Prototypes, modelled: Vector, sharp: Mask, height_limit: float
+    prototypes: Prototypes, modelled: Vector, sharp: Mask, height_threshold: float
 ) -> Matrix:
-    """Return the knots of all cells for `split_by_knots`: the model is linear between prototypes.
+    """Return the knots of a model that is linear in range between prototypes.
 
-    `modelled` is the (n,) height of the model above the base plane at each prototype, NaN for
-    none; in cells that are not `sharp` (n,), ground lies closer to it than `height_limit` [m].
+    Parameters
+    ----------
+    prototypes : Prototypes
+        Lowest points of the cells.
+    modelled : (n,) [m]
+        Modelled height above the base plane at each prototype; NaN for none.
+    sharp : (n,)
+        Cells without upright structure; see `BaseSurface`.
+    height_threshold : float [m]
+        Height threshold of ground in sharp cells; `BLUNT_THRESHOLD` limits that of the others.
+
+    Returns
+    -------
+    (cells, 5)
+        Knot of each cell, as `split_by_knots` expects it.
     """
     knots = knots_between_prototypes(
         prototypes.ranges,
@@ -76,9 +95,9 @@ def knots_of_model(
         prototypes.starts,
         sharp,
         len(prototypes.lowest),
-        _LEAST_STEP,
-        float(height_limit),
-        BLUNT_LIMIT,
+        _MIN_STEP,
+        float(height_threshold),
+        BLUNT_THRESHOLD,
     )
     frozen(knots)
     return knots

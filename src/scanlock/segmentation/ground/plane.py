@@ -1,4 +1,4 @@
-"""The base plane: a coarse ground that needs no guess of the sensor's height."""
+"""Base plane: a coarse ground model that requires no sensor height."""
 
 import math
 from dataclasses import dataclass
@@ -9,33 +9,40 @@ from scanlock.arrays import Points, Vector, frozen, read_only
 from scanlock.kernels.ground.plane import best_triple_plane, plane_columns, refined_plane
 
 _TRIPLES = 1000
-"""Planes tried (ours); with a fifth of the low points on the ground, eight of them lie on it."""
+"""Number of candidate planes (ours).
+
+If a fifth of the low points are ground, eight candidates are fits to ground points only.
+"""
 
 _SCORED = 700
-"""Low points that score each of those planes (ours)."""
+"""Number of low points that score each candidate (ours)."""
 
-_REACHES = read_only(np.array([2.0, 1.5, 1.0, 1.0]))
-"""Gates, narrowing, of the reweighted fits that refine the best plane (ours)."""
+_THRESHOLD_FACTORS = read_only(np.array([2.0, 1.5, 1.0, 1.0]))
+"""Factors of the inlier threshold in the reweighted fits that refine the best plane (ours)."""
 
-_GATE, _GATE_SLOPE = 0.2, 0.02
-"""A low point is near a plane within ``_GATE`` [m] plus ``_GATE_SLOPE`` times its range (ours):
-natural ground leaves its tangent plane with distance."""
+_THRESHOLD, _THRESHOLD_SLOPE = 0.2, 0.02
+"""Inlier threshold [m] and its increase per metre of range (ours).
 
-_NEAR = 10.0
-"""A low point weighs in inverse proportion to its range plus this [m] (ours): the ground that
-matters is the one under the sensor."""
+Natural ground deviates from its tangent plane with distance.
+"""
+
+_WEIGHT_RANGE = 10.0
+"""Range r_0 [m] of the weights ``1 / (r + r_0)`` of low points at range r (ours).
+
+The ground near the sensor matters most.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BasePlane:
-    """The plane ``normal . p + offset = 0`` that low points share.
+    """Plane ``normal . p + offset = 0`` through low points.
 
     Attributes
     ----------
     coefficients : (4,)
-        Height above the plane as ``a x + b y + c z + d``: the unit normal, upwards, and `offset`.
+        Coefficients of the height ``a x + b y + c z + d``: the upward unit normal and `offset`.
     support : float
-        Weighted share of the low points on the plane, less half that of those beneath it.
+        Weighted fraction of the low points on the plane, less half of that below it.
     """
 
     coefficients: Vector
@@ -46,7 +53,7 @@ class BasePlane:
 
     @property
     def normal(self) -> Vector:
-        """(3,): unit vector, upwards."""
+        """(3,) unit normal, upwards."""
         return self.coefficients[:3]
 
     @property
@@ -66,16 +73,28 @@ class BasePlane:
 
 
 def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
-    """Return the plane that serves best as the ground of (n, 3) low points; None without one.
+    """Fit the base plane to low points; deterministic.
 
-    A plane gains by each low point near it and loses by each one clearly beneath it, so a
-    table or a ceiling loses to the floor, and a bridge under the sensor may still win over the
-    valley. Planes tilted beyond `max_tilt` [rad] are not tried. Deterministic.
+    The score of a plane increases with low points near it and decreases with low points clearly
+    below it. A floor thus scores higher than a table or a ceiling, and a bridge under the sensor
+    can score higher than the valley.
+
+    Parameters
+    ----------
+    low_points : (n, 3) [m]
+        Lowest points of cells.
+    max_tilt : float [rad]
+        Largest angle between the normal and the z axis.
+
+    Returns
+    -------
+    BasePlane or None
+        None for fewer than three points, or without a plane of positive score.
     """
     n = len(low_points)
     if n < 3:
         return None
-    columns = plane_columns(read_only(low_points), _NEAR, _GATE, _GATE_SLOPE)
+    columns = plane_columns(read_only(low_points), _WEIGHT_RANGE, _THRESHOLD, _THRESHOLD_SLOPE)
     sample = np.ascontiguousarray(columns[:, :: max(1, n // _SCORED)])
     frozen(columns)
     frozen(sample)
@@ -86,7 +105,9 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     if score <= 0.0:
         return None
     x, y, z, weights, sharpness = columns
-    nx, ny, nz, d, score = refined_plane(x, y, z, weights, sharpness, _REACHES, nx, ny, nz, d)
+    nx, ny, nz, d, score = refined_plane(
+        x, y, z, weights, sharpness, _THRESHOLD_FACTORS, nx, ny, nz, d
+    )
     if score == -math.inf:
         return None
     return BasePlane(np.array([nx, ny, nz, d]), max(score, 0.0))

@@ -1,4 +1,4 @@
-"""The lowest point of each polar cell: what all ground models of a scan start from."""
+"""Prototypes: the lowest point of each polar cell, the input of all ground models."""
 
 from dataclasses import dataclass
 
@@ -9,23 +9,24 @@ from scanlock.kernels.ground.point_passes import gathered_prototypes, lowest_in_
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prototypes:
-    """The lowest point of each occupied cell, sector by sector and outwards.
+    """Lowest point of each occupied cell, ordered by sector, then by range.
 
     Attributes
     ----------
     points : (n, 3) [m]
+        Prototypes.
     ranges : (n,) [m]
-        Horizontal distances from the origin.
+        Horizontal distances of the prototypes from the origin.
     cells : (n,)
-        The cell of each prototype, ascending.
+        Cell of each prototype, ascending.
     starts : (sectors + 1,)
-        Sector s owns the prototypes ``starts[s]:starts[s + 1]``.
+        Sector s has the prototypes ``starts[s]:starts[s + 1]``.
     cell_of_point : (m,)
-        The cell of every point of the cloud, -1 outside the grid.
+        Cell of every point of the cloud, -1 outside the grid.
     lowest : (sectors * bins,)
-        The row of the lowest point of every cell, -1 where there is no prototype.
+        Row in the cloud of the prototype of every cell, -1 for none.
     bins : int
-        Range bins of the grid.
+        Number of range bins of the grid.
     """
 
     points: Points
@@ -44,7 +45,7 @@ class Prototypes:
 
     @classmethod
     def of(cls, points: Points, grid: PolarGrid, min_points: int) -> "Prototypes":
-        """Return the prototypes of the cells with at least `min_points` points."""
+        """Find the prototypes of the cells with at least `min_points` of (m, 3) points [m]."""
         sectors, bins = int(grid.sectors), grid.bins
         cell_of_point = grid.cells(points)
         lowest = lowest_in_cells(read_only(points), cell_of_point, sectors * bins, int(min_points))

@@ -1,4 +1,4 @@
-"""What a search for the ground of a scan answers."""
+"""Result of ground segmentation."""
 
 import enum
 import math
@@ -10,42 +10,43 @@ from scanlock.arrays import Mask, Vector, frozen
 
 
 class GroundStatus(enum.Enum):
-    """Whether there is a ground to speak of."""
+    """Outcome of ground segmentation."""
 
     FOUND = "found"
-    """A ground, and the z axis of the cloud is its upward normal to a few degrees."""
+    """Ground whose upward normal is the z axis of the cloud to within a few degrees."""
 
     TILTED = "tilted"
-    """A ground just as trusted, found after turning the cloud upright: z is not up."""
+    """Ground of a tilted sensor, found after levelling the cloud: the z axis is not up."""
 
     NONE = "none"
-    """No believable ground; no point is called ground."""
+    """No reliable ground; no point is labelled as ground."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ground:
-    """What is ground in a cloud, and where the ground lies.
+    """Ground points of a cloud, and the model of the ground.
 
     Attributes
     ----------
     is_ground : (n,)
-        One answer for each row of ``cloud.points``.
+        Whether each row of ``cloud.points`` is ground.
     is_below : (n,)
-        Points clearly beneath the modelled ground: reflections, or a lower level. Never ground.
+        Whether each point is clearly below the modelled ground: reflections, or a lower level.
+        Such points are not ground.
     height : (n,) [m]
-        Height above the modelled ground; NaN where nothing is modelled.
+        Height above the modelled ground; NaN without a model.
     status : GroundStatus
-        Whether a ground was found.
+        Outcome.
     reason : str
-        One sentence that says why.
+        Reason for the status, one sentence.
     plane : (4,)
-        The base plane: ``plane[:3] @ p + plane[3]`` is the height of p above it [m].
-        ``plane[3]`` is NaN without ground.
+        Base plane: ``plane[:3] @ p + plane[3]`` is the height of p above it [m]. ``plane[3]`` is
+        NaN without ground.
     sensor_height : float [m]
-        Height of the origin of the cloud's frame above the base plane; NaN without ground, and
-        where the cloud was recentred, so that its origin is no sensor.
+        Height of the origin of the cloud above the base plane. NaN without ground, and for
+        recentred clouds, whose origin is not the sensor.
     sectors : int
-        Sectors with ground of their own, not lent by neighbours.
+        Number of sectors with ground prototypes of their own, without interpolated ones.
     """
 
     is_ground: Mask
@@ -63,7 +64,7 @@ class Ground:
 
     @classmethod
     def none(cls, count: int, reason: str) -> "Ground":
-        """Return the answer for `count` points none of which is ground."""
+        """Return the result of a cloud of `count` points without ground."""
         return cls(
             is_ground=np.zeros(count, dtype=np.bool_),
             is_below=np.zeros(count, dtype=np.bool_),

@@ -80,8 +80,8 @@ class FacetLadar:
     """Chance that a facet of a frame comes back empty."""
 
     def __post_init__(self) -> None:
-        require_count("rows", self.rows, least=2)
-        require_count("columns", self.columns, least=2)
+        require_count("rows", self.rows, minimum=2)
+        require_count("columns", self.columns, minimum=2)
         if not self.facet_offsets or self.rows % len(self.facet_offsets):
             raise InvalidInput(
                 "facet_offsets must have one entry a facet, and the rows be shared out evenly, "

@@ -46,7 +46,7 @@ class LadarSequence:
     look: TiltSweep = AHEAD_AND_DOWN
 
     def __post_init__(self) -> None:
-        require_count("seed", self.seed, least=0)
+        require_count("seed", self.seed, minimum=0)
 
     def __len__(self) -> int:
         return len(self.drive)
@@ -118,7 +118,7 @@ def ladar_run(
     InvalidInput
         A seed or a count that is none, or a speed that is not positive.
     """
-    require_count("seed", seed, least=0)
+    require_count("seed", seed, minimum=0)
     require_positive("speed", speed, unit="m/s")
     building, placing, driving = (
         np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)

@@ -76,7 +76,7 @@ def _boxes(parts: list[tuple[tuple[float, float, float], tuple[float, float, flo
 def _tube(radius: float, sides: int, axis: int) -> Surfaces:
     """Return the walls of an endless prism about an axis of the world."""
     require_positive("radius", radius, unit="m")
-    require_count("sides", sides, least=3)
+    require_count("sides", sides, minimum=3)
     angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
     ring = np.roll(
         np.column_stack([np.zeros(sides + 1), radius * np.cos(angles), radius * np.sin(angles)]),

@@ -312,9 +312,9 @@ def test_an_initial_pose_with_few_digits_is_corrected_and_noted(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (np.diag([1.1, 1.1, 1.1, 1.0]), "it scales by 1.1"),
-        (np.diag([1.0, 1.0, -1.0, 1.0]), "it mirrors"),
-        (np.diag([1.0, 1.05, 1.0, 1.0]), "it shears"),
+        (np.diag([1.1, 1.1, 1.1, 1.0]), "it is scaled by 1.1"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "it is mirrored"),
+        (np.diag([1.0, 1.05, 1.0, 1.0]), "it is sheared"),
     ],
 )
 def test_an_initial_pose_far_from_a_rotation_is_refused(

@@ -9,7 +9,7 @@ from scanlock.kernels.gaussians.p2d import p2d_terms, point_balls
 
 
 def _terms(target, points, pose, *, end=25.0, exact=1.0, reach_factor=1.0):
-    reaches = reach_factor * np.sqrt(end * target.widths)
+    reaches = reach_factor * np.sqrt(end * target.max_variances)
     points = read_only(np.array(points, float).reshape(-1, 3))
     return p2d_terms(
         points,

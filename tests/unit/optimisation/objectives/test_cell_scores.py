@@ -34,10 +34,10 @@ def _away_from_faces(pose, points, voxels, margin):
     Their distances from the means also differ from the cell size by more than the margin.
     """
     moved = pose.apply(points)
-    phases = np.mod((moved - voxels.corner) / voxels.width, 0.5) * voxels.width
-    inside = ((phases > margin) & (phases < 0.5 * voxels.width - margin)).all(axis=1)
+    phases = np.mod((moved - voxels.corner) / voxels.size, 0.5) * voxels.size
+    inside = ((phases > margin) & (phases < 0.5 * voxels.size - margin)).all(axis=1)
     distances = np.linalg.norm(moved[:, None] - voxels.gaussians.means, axis=2)
-    inside &= (np.abs(distances - voxels.width) > margin).all(axis=1)
+    inside &= (np.abs(distances - voxels.size) > margin).all(axis=1)
     return read_only(points[inside])
 
 

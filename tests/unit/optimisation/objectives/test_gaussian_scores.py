@@ -68,10 +68,10 @@ def test_values_match_the_definition(seed, shape):
 )
 def test_no_point_is_left_out(target):
     rng = np.random.default_rng(2)
-    corner = (target.means[:, :2] - 5.0 * np.sqrt(target.widths)[:, None]).min(axis=0)
+    corner = (target.means[:, :2] - 5.0 * np.sqrt(target.max_variances)[:, None]).min(axis=0)
     # Points near each Gaussian, on a regular grid and far outside.
     near = target.means[rng.integers(len(target), size=300)]
-    near = near + rng.normal(size=near.shape) * 2.0 * np.sqrt(target.widths.max())
+    near = near + rng.normal(size=near.shape) * 2.0 * np.sqrt(target.max_variances.max())
     columns, rows = np.meshgrid(np.arange(-2.0, 12.0), np.arange(-2.0, 12.0))
     on_edges = np.column_stack([columns.ravel(), rows.ravel(), np.zeros(columns.size)])
     on_edges = np.append(corner, target.means[0, 2]) + 3.0 * on_edges

@@ -59,14 +59,17 @@ def test_targets_in_range_match_the_definition(seed, spread):
     target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
     pose = _step(rng, 0.1)
     margins = rng.uniform(0.0, 5.0, 90)
-    *order, side, columns, rows = sorted_by_cell(target.means, target.widths, 3.0)
+    *order, side, columns, rows = sorted_by_cell(target.means, target.max_variances, 3.0)
     ends, members = targets_in_reach(
-        *(read_only(array) for array in order), side, columns, rows, target.widths.max(),
-        source.means, source.widths, read_only(margins), pose.rotation, pose.translation, 9.0,
+        *(read_only(array) for array in order), side, columns, rows, target.max_variances.max(),
+        source.means, source.max_variances, read_only(margins), pose.rotation,
+        pose.translation, 9.0,
     )  # fmt: skip
     positions = pose.apply(source.means)
     squares = ((positions[:, None] - target.means) ** 2).sum(axis=2)
-    expected = squares < 9.0 * (source.widths[:, None] + target.widths) + margins[:, None]
+    expected = (
+        squares < 9.0 * (source.max_variances[:, None] + target.max_variances) + margins[:, None]
+    )
     found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
     assert bool(found) == (spread < 2000.0)

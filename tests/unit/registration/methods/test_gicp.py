@@ -150,7 +150,7 @@ def test_a_scan_keeps_what_it_was_thinned_to():
     assert kept.insufficient == ""
     assert kept.notes == (f"{len(kept.surface)} surface points; 0 others stand alone",)
     assert set(kept.timings) == {"thin", "surface", "voxels"}
-    widths = [voxels.width for voxels in _scan(street(1), Gicp(search="voxel")).voxels]
+    widths = [voxels.size for voxels in _scan(street(1), Gicp(search="voxel")).voxels]
     assert widths == [8.0, 4.0, 2.0, 1.0]
 
 
@@ -218,7 +218,7 @@ def test_the_front_door_takes_it(meeting):
         ({"spacing": 0.0}, "spacing must be positive"),
         ({"neighbours": 3}, "neighbours must be a whole number of at least 4"),
         ({"shape": "sphere"}, "shape must be"),
-        ({"thinness": 0.0}, "thinness must be positive"),
+        ({"covariance_epsilon": 0.0}, "covariance_epsilon must be positive"),
         ({"tolerance": 0.0}, "tolerance must be positive"),
         ({"rounds": 0}, "rounds must be a whole number"),
         ({"lever": 0.0}, "lever must be positive"),

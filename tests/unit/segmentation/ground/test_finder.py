@@ -1,6 +1,6 @@
 """Ground segmentation on scenes with known answers."""
 
-from dataclasses import replace
+import itertools
 
 import numpy as np
 import pytest
@@ -9,31 +9,33 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus
+from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus, PublishedGroundFinder
+from scanlock.segmentation.ground.prototypes import Prototypes
+from scanlock.segmentation.ground.published import lowest_seeds
 
 
 def ring(rng, count=20_000, near=3.0, far=40.0):
-    """Horizontal places spread over a disc as lidar returns are: densest near the sensor."""
+    """Horizontal positions in a disc, densest near the sensor like lidar returns."""
     radius = near * (far / near) ** rng.random(count)
     azimuth = rng.uniform(-np.pi, np.pi, count)
     return np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth)])
 
 
-def terrain(rng, shape, noise=0.02, **places):
+def terrain(rng, shape, noise=0.02, **extent):
     """Ground points of a height function of x and y."""
-    xy = ring(rng, **places)
+    xy = ring(rng, **extent)
     return np.column_stack([xy, shape(*xy.T) + rng.normal(0, noise, len(xy))])
 
 
 def wall(rng, start, end, low, high, count=1500):
-    """Points on an upright wall between two places."""
+    """Points on a vertical wall between two positions."""
     along = rng.random(count)[:, None]
     xy = np.array(start) + along * (np.array(end) - np.array(start))
     return np.column_stack([xy, rng.uniform(low, high, count)])
 
 
 def flat_scene(rng, height=1.7):
-    """Flat ground, two walls and a pole; and which points are ground."""
+    """Flat ground with two walls and a pole, and the mask of its ground points."""
     ground = terrain(rng, lambda x, y: 0 * x - height)
     objects = [
         wall(rng, (-10, 8), (10, 8), -height, 3 - height),
@@ -51,7 +53,7 @@ def find(points, finder=None):
 
 
 def recall_and_leak(points, is_terrain, ground, clear=0.35):
-    """Share of the ground found, and share of what stands clear of it taken for ground."""
+    """Fraction of the ground that is found, and of the points clearly above that are ground."""
     z = points[:, 2]
     above = ~is_terrain & (z > np.median(z[is_terrain]) + clear)
     return ground.is_ground[is_terrain].mean(), ground.is_ground[above].mean()
@@ -80,30 +82,30 @@ def test_flat_ground_is_found_from_any_height(shift):
     ],
     ids=["slope", "side slope", "kerb", "hills", "cutting"],
 )
-def test_ground_of_many_shapes_is_followed(shape):
+def test_ground_of_many_shapes_is_found(shape):
     rng = np.random.default_rng(2)
     ground = terrain(rng, shape)
     poles = [
-        wall(rng, place, place, shape(*np.array(place)), shape(*np.array(place)) + 4, 150)
-        for place in [(6.0, 3.0), (-9.0, 2.0), (2.0, -12.0), (15.0, 10.0)]
+        wall(rng, xy, xy, shape(*np.array(xy)), shape(*np.array(xy)) + 4, 150)
+        for xy in [(6.0, 3.0), (-9.0, 2.0), (2.0, -12.0), (15.0, 10.0)]
     ]
     points = np.concatenate([ground, *poles])
     is_terrain = np.arange(len(points)) < len(ground)
-    answer = find(points)
-    assert answer.status is not GroundStatus.NONE
-    assert answer.is_ground[is_terrain].mean() > 0.97
+    found = find(points)
+    assert found.status is not GroundStatus.NONE
+    assert found.is_ground[is_terrain].mean() > 0.97
     clear = points[:, 2] > shape(*points[:, :2].T) + 0.5
-    assert not answer.is_ground[clear].any()
-    known = answer.is_ground & is_terrain
-    gap = answer.height[known] - (points[known, 2] - shape(*points[known, :2].T))
-    assert np.abs(gap).mean() < 0.08
+    assert not found.is_ground[clear].any()
+    known = found.is_ground & is_terrain
+    error = found.height[known] - (points[known, 2] - shape(*points[known, :2].T))
+    assert np.abs(error).mean() < 0.08
 
 
 def test_both_levels_of_an_embankment_are_ground():
     rng = np.random.default_rng(3)
     road = terrain(rng, lambda x, y: 0 * x - 1.7)
     road = road[np.abs(road[:, 1]) < 5]
-    # The slope itself is hidden from the road.
+    # The slope is occluded from the road.
     field = terrain(rng, lambda x, y: 0 * x - 4.7, near=14.0)
     field = field[np.abs(field[:, 1]) > 14]
     ground = find(np.concatenate([road, field]))
@@ -114,30 +116,30 @@ def test_both_levels_of_an_embankment_are_ground():
 @pytest.mark.parametrize("degrees", [8.0, 20.0, 35.0])
 def test_a_tilted_sensor_finds_the_same_ground(degrees):
     points, is_terrain = flat_scene(np.random.default_rng(4))
-    turn = exp_rotation(np.radians(degrees) * np.array([0.6, -0.8, 0.0]))
-    ground = find(points @ turn.T)
+    tilt = exp_rotation(np.radians(degrees) * np.array([0.6, -0.8, 0.0]))
+    ground = find(points @ tilt.T)
     assert ground.status is GroundStatus.TILTED
     assert np.degrees(ground.tilt) == pytest.approx(degrees, abs=0.5)
-    assert np.allclose(ground.up, turn[:, 2], atol=0.01)
+    assert np.allclose(ground.up, tilt[:, 2], atol=0.01)
     found, leaked = recall_and_leak(points, is_terrain, ground)
     assert found > 0.99
     assert leaked < 0.001
     assert "off the z axis" in ground.reason
 
 
-def test_a_sensor_tilted_beyond_the_limit_has_no_ground():
+def test_a_sensor_tilted_beyond_the_threshold_has_no_ground():
     points, _ = flat_scene(np.random.default_rng(4))
-    turn = exp_rotation(np.radians(20) * np.array([1.0, 0.0, 0.0]))
+    tilt = exp_rotation(np.radians(20) * np.array([1.0, 0.0, 0.0]))
     finder = GroundFinder(max_tilt=np.radians(10), level_tilt=np.radians(5))
-    assert find(points @ turn.T, finder).status is GroundStatus.NONE
+    assert find(points @ tilt.T, finder).status is GroundStatus.NONE
 
 
 def test_reflections_below_ground_are_neither_ground_nor_obstacles():
     rng = np.random.default_rng(5)
     points, is_terrain = flat_scene(rng)
-    stray = terrain(rng, lambda x, y: -1.7 - rng.uniform(0.8, 4, len(x)), count=150, far=20.0)
-    stray = stray[np.abs(stray[:, 1]) < 7.5]
-    ground = find(np.concatenate([points, stray]))
+    reflections = terrain(rng, lambda x, y: -1.7 - rng.uniform(0.8, 4, len(x)), count=150, far=20.0)
+    reflections = reflections[np.abs(reflections[:, 1]) < 7.5]
+    ground = find(np.concatenate([points, reflections]))
     assert not ground.is_ground[len(points) :].any()
     assert ground.is_below[len(points) :].mean() > 0.9
     assert ground.is_ground[: len(points)][is_terrain].mean() > 0.98
@@ -153,17 +155,17 @@ def test_the_roof_under_the_sensor_is_not_ground():
     assert ground.is_ground[: len(points)][is_terrain].mean() > 0.995
 
 
-def test_what_stands_behind_hidden_ground_is_not_ground():
+def test_objects_behind_occluded_ground_are_not_ground():
     rng = np.random.default_rng(7)
     ground = terrain(rng, lambda x, y: 0 * x - 1.7)
-    # A wide truck hides the ground beyond it; only upper storeys show over its roof.
-    hidden = (ground[:, 0] > 8) & (np.abs(ground[:, 1]) < 0.5 * ground[:, 0])
+    # A wide truck occludes the ground behind it; only upper storeys are visible above its roof.
+    occluded = (ground[:, 0] > 8) & (np.abs(ground[:, 1]) < 0.5 * ground[:, 0])
     truck = wall(rng, (8, -4), (8, 4), -1.2, 1.5)
     house = wall(rng, (25, -11), (25, 11), 1.0, 8.0, 3000)
-    points = np.concatenate([ground[~hidden], truck, house])
-    answer = find(points)
-    assert not answer.is_ground[-3000:].any()
-    assert not answer.is_ground[points[:, 2] > -1.1].any()
+    points = np.concatenate([ground[~occluded], truck, house])
+    found = find(points)
+    assert not found.is_ground[-3000:].any()
+    assert not found.is_ground[points[:, 2] > -1.1].any()
 
 
 def _clouds_without_ground():
@@ -186,7 +188,7 @@ def _clouds_without_ground():
     yield "a line", np.column_stack([np.linspace(1, 30, 500), np.zeros(500), np.zeros(500)])
     yield "one point", np.ones((1, 3))
     yield "two points", np.array([[1.0, 0, 0], [5.0, 1, 0]])
-    yield "one place", np.full((100, 3), 2.0)
+    yield "identical points", np.full((100, 3), 2.0)
     yield "the origin", np.zeros((10, 3))
     yield "beyond the range", box + np.array([500.0, 0, 0])
 
@@ -194,7 +196,7 @@ def _clouds_without_ground():
 @pytest.mark.parametrize(
     "points", [pytest.param(cloud, id=name) for name, cloud in _clouds_without_ground()]
 )
-def test_without_a_believable_ground_nothing_is_ground(points):
+def test_without_reliable_ground_no_point_is_ground(points):
     ground = find(points)
     assert ground.status is GroundStatus.NONE
     assert ground.is_ground.shape == ground.is_below.shape == (len(points),)
@@ -206,7 +208,7 @@ def test_without_a_believable_ground_nothing_is_ground(points):
     assert ground.reason
 
 
-def test_rows_follow_the_cloud_and_bad_rows_are_left_out():
+def test_rows_follow_the_cloud_without_invalid_rows():
     points, _ = flat_scene(np.random.default_rng(9))
     points[::7] = np.nan
     cloud = PointCloud.from_array(points)
@@ -223,7 +225,7 @@ def test_far_coordinates_have_no_sensor_height():
     assert ground.is_ground[is_terrain].mean() > 0.99
 
 
-def test_answers_repeat_to_the_bit_and_are_read_only():
+def test_results_are_bitwise_reproducible_and_read_only():
     points, _ = flat_scene(np.random.default_rng(11))
     first, second = find(points), find(points.copy())
     assert (first.is_ground == second.is_ground).all()
@@ -233,10 +235,10 @@ def test_answers_repeat_to_the_bit_and_are_read_only():
         first.is_ground[0] = True
 
 
-def test_the_published_form_answers_for_every_point_with_its_defects():
+def test_the_published_form_labels_every_point_and_has_its_defects():
     rng = np.random.default_rng(12)
     points, is_terrain = flat_scene(rng)
-    # Slabs that float 0.7 to 2 m above ground that is hidden from the sensor, as behind cars.
+    # Slabs 0.7 to 2 m above ground that is occluded, as behind cars.
     azimuth = np.arange(12) * np.pi / 6
     slabs = np.concatenate([
         [16 * np.cos(a), 16 * np.sin(a), lift - 1.7] + rng.uniform(-1, 1, (300, 3)) * [1, 1, 0]
@@ -247,46 +249,67 @@ def test_the_published_form_answers_for_every_point_with_its_defects():
     kept = is_terrain & ~(behind & (np.hypot(*points[:, :2].T) > 13))
     scene = np.concatenate([points[kept], slabs])
     is_slab = np.arange(len(scene)) >= kept.sum()
-    published = find(scene, GroundFinder.das2013())
+    published = find(scene, PublishedGroundFinder())
     assert published.status is GroundStatus.FOUND
     assert len(published.is_ground) == len(scene)
     assert published.is_ground[is_slab].mean() > 0.9
     assert find(scene).is_ground[is_slab].mean() < 0.02
-    # From high above, no prototype is within 15 m of the sensor's own height.
-    assert find(points - np.array([0, 0, 20]), GroundFinder.das2013()).status is GroundStatus.NONE
+    # No prototype is within 15 m of the height of a sensor high above the ground.
+    high = find(points - np.array([0, 0, 20]), PublishedGroundFinder())
+    assert high.status is GroundStatus.NONE
 
 
-def test_the_grid_may_be_coarse():
+def test_a_coarse_grid_is_accepted():
     points, is_terrain = flat_scene(np.random.default_rng(13))
     for grid in (PolarGrid(sectors=3), PolarGrid(sectors=7, first_width=3.0)):
         ground = find(points, GroundFinder(grid=grid, min_support=0.0))
         assert ground.is_ground[~is_terrain & (points[:, 2] > -1)].mean() < 0.05
 
 
+@pytest.mark.parametrize("max_count", [2, 3, None])
+def test_published_seeds_are_the_lowest_prototypes_near_the_sensor(max_count):
+    rng = np.random.default_rng(14)
+    points = np.column_stack([rng.uniform(-20, 20, (60, 2)), rng.uniform(-3, 3, 60)])
+    prototypes = Prototypes.of(points, PolarGrid(sectors=9, max_range=30.0, first_width=1.0), 1)
+    seeds = lowest_seeds(prototypes, max_height=2.0, max_range=18.0, max_count=max_count)
+    heights = prototypes.points[:, 2]
+    counts = []
+    for first, last in itertools.pairwise(prototypes.starts):
+        rows = np.arange(first, last)
+        near = rows[(np.abs(heights[rows]) < 2.0) & (prototypes.ranges[rows] < 18.0)]
+        lowest = sorted(near, key=heights.__getitem__)[:max_count]
+        counts.append(len(lowest))
+        assert set(rows[seeds[rows]]) == (set(lowest) if len(lowest) >= 2 else set())
+    assert min(counts) < 2 < max(counts) or max_count == 2
+
+
 @pytest.mark.parametrize(
-    ("name", "value"),
+    ("settings", "name", "value"),
     [
-        ("form", "new"),
-        ("variance_limit", 0.0),
-        ("residual_limit", -1.0),
-        ("height_limit", 0.0),
-        ("seed_height", float("nan")),
-        ("seed_range", 0.0),
-        ("seed_count", 1),
-        ("min_points", 0),
-        ("min_support", 1.5),
-        ("min_sharpness", -0.1),
-        ("level_tilt", 0.0),
-        ("max_tilt", 2.0),
+        *(
+            (settings, name, value)
+            for settings in (GroundFinder, PublishedGroundFinder)
+            for name, value in (
+                ("height_threshold", 0.0),
+                ("max_seed_height", float("nan")),
+                ("max_seed_range", 0.0),
+                ("min_points", 0),
+            )
+        ),
+        (GroundFinder, "min_support", 1.5),
+        (GroundFinder, "min_sharpness", -0.1),
+        (GroundFinder, "level_tilt", 0.0),
+        (GroundFinder, "max_tilt", 2.0),
+        (PublishedGroundFinder, "max_seeds", 1),
     ],
 )
-def test_settings_are_checked(name, value):
+def test_invalid_settings_are_rejected_by_name(settings, name, value):
     with pytest.raises(InvalidInput, match=name):
-        replace(GroundFinder(), **{name: value})
+        settings(**{name: value})
 
 
 @pytest.mark.data
-def test_a_street_scan_knows_the_height_of_its_sensor(scan_data):
+def test_the_sensor_height_of_a_street_scan_is_estimated(scan_data):
     for number in (0, 40):
         scan = scan_data / "kitti_drive_0005" / "velodyne_points" / "data" / f"{number:010d}.bin"
         ground = find(np.fromfile(scan, np.float32).reshape(-1, 4))
@@ -297,7 +320,7 @@ def test_a_street_scan_knows_the_height_of_its_sensor(scan_data):
 
 
 @pytest.mark.data
-def test_stems_under_canopy_are_not_ground(scan_data):
+def test_stems_in_a_forest_are_not_ground(scan_data):
     for scan in sorted((scan_data / "forest_os1").glob("*_xyzl.bin")):
         raw = np.fromfile(scan, np.float32).reshape(-1, 4)
         ground = find(raw)
@@ -310,8 +333,8 @@ def test_off_road_ground_agrees_with_its_labels(scan_data):
     folder = scan_data / "rellis_offroad"
     xyz = np.fromfile(folder / "000104.bin", np.float32).reshape(-1, 4)[:, :3]
     label = np.fromfile(folder / "000104.label", np.uint32)
-    judged = (np.abs(xyz).max(axis=1) > 0) & (label != 0)
-    said = find(xyz).is_ground[judged]
-    truth = np.isin(label, (1, 3, 10, 23, 31, 33))[judged]
-    assert (said & truth).sum() / truth.sum() > 0.97
-    assert (said & truth).sum() / said.sum() > 0.85
+    is_labelled = (np.abs(xyz).max(axis=1) > 0) & (label != 0)
+    found = find(xyz).is_ground[is_labelled]
+    truth = np.isin(label, (1, 3, 10, 23, 31, 33))[is_labelled]
+    assert (found & truth).sum() / truth.sum() > 0.97
+    assert (found & truth).sum() / found.sum() > 0.85

@@ -1,4 +1,4 @@
-"""The loops of ground segmentation against their slow twins."""
+"""Kernels of ground segmentation against their definitions."""
 
 import itertools
 
@@ -30,7 +30,7 @@ _GRID = PolarGrid(sectors=24, max_range=30.0, first_width=1.0, growth=1.08)
 
 
 def _hills(seed, count=3000):
-    """Points on a rolling ground with boxes on it, reflections below it and points out of range."""
+    """Points of hilly ground with boxes, reflections below it and points out of range."""
     rng = np.random.default_rng(seed)
     xy = rng.uniform(-25, 25, (count, 2))
     z = 0.8 * np.sin(xy[:, 0] / 6) + 0.05 * xy[:, 1] + rng.normal(0, 0.03, count)
@@ -40,7 +40,7 @@ def _hills(seed, count=3000):
 
 
 def _low(seed):
-    """Low points of the hills, and what the kernels want to know of them."""
+    """Coordinates and cells of the low points of the hills."""
     points = _hills(seed)
     cells = _GRID.cells(points)
     lowest = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins, 1)
@@ -50,7 +50,7 @@ def _low(seed):
 
 
 def _starts(cells):
-    """Where the cells of each sector start."""
+    """First row of each sector."""
     return read_only(np.searchsorted(cells, np.arange(_GRID.sectors + 1) * _GRID.bins))
 
 
@@ -62,12 +62,12 @@ def test_lowest_points_and_counts(seed):
     cells = _GRID.cells(points)
     count = _GRID.sectors * _GRID.bins
     expected, filled = slow.lowest_in_cells(points, cells, count)
-    for least in (4, 1):
-        lowest = passes.lowest_in_cells(points, cells, count, least)
-        held = lowest >= 0
-        assert 0 < held.sum() < count
-        assert (held == (filled >= least)).all()
-        assert (points[lowest[held]] == points[expected[held]]).all()
+    for min_points in (4, 1):
+        lowest = passes.lowest_in_cells(points, cells, count, min_points)
+        occupied = lowest >= 0
+        assert 0 < occupied.sum() < count
+        assert (occupied == (filled >= min_points)).all()
+        assert (points[lowest[occupied]] == points[expected[occupied]]).all()
 
     low, ranges, own, starts = passes.gathered_prototypes(points, read_only(lowest), _GRID.sectors)
     assert (own == np.flatnonzero(lowest >= 0)).all()
@@ -105,8 +105,8 @@ def test_heights_above_knots_are_broken_lines():
         step = np.hypot(*point[:2]) - knots[cell, 0]
         ground = knots[cell, 1] + step * (knots[cell, 2] if step < 0 else knots[cell, 3])
         assert found == pytest.approx(plane[:3] @ point + plane[3] - ground, abs=1e-12)
-    limits = np.minimum(0.5, knots[cells, 4])
-    assert is_ground.tolist() == (np.abs(height) < limits).tolist()
+    thresholds = np.minimum(0.5, knots[cells, 4])
+    assert is_ground.tolist() == (np.abs(height) < thresholds).tolist()
     assert is_below.tolist() == (height <= -0.5).tolist()
     assert (near, close) == ((np.abs(height) < 1.5).sum(), (np.abs(height) < 0.5).sum())
     assert 0 < is_ground.sum() < close < near
@@ -115,8 +115,8 @@ def test_heights_above_knots_are_broken_lines():
 def test_turned_points():
     points = _hills(0, 50)
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    turned = passes.turned_points(points, read_only(rotation))
-    assert np.allclose(turned, points @ rotation.T)
+    rotated = passes.turned_points(points, read_only(rotation))
+    assert np.allclose(rotated, points @ rotation.T)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -124,13 +124,13 @@ def test_the_lower_envelope_is_that_of_all_cones(seed):
     (x, y, z), cells, _ = _low(seed)
     found = lower_envelope(x, y, z, cells, _starts(cells), _GRID.bins, 0.6, 0.1, 3)
     exact = slow.lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
-    # Cones are passed on from cell to cell: one may be lost on the way, none is invented.
+    # Cones are passed on from cell to cell: one may be lost, none is added.
     assert (found >= exact - 1e-12).all()
     assert np.mean(found > exact + 1e-9) < 0.03
 
 
-@pytest.mark.parametrize(("count", "hides"), [(1, False), (3, False), (60, True)])
-def test_a_few_stray_reflections_take_no_ground_away_but_a_lower_level_does(count, hides):
+@pytest.mark.parametrize(("count", "is_lower"), [(1, False), (3, False), (60, True)])
+def test_only_a_lower_level_and_not_a_few_reflections_lowers_the_envelope(count, is_lower):
     rng = np.random.default_rng(0)
     azimuth, radius = rng.uniform(-np.pi, np.pi, 4000), rng.uniform(1, 29, 4000)
     points = np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), 0 * radius])
@@ -141,34 +141,34 @@ def test_a_few_stray_reflections_take_no_ground_away_but_a_lower_level_does(coun
     own = np.flatnonzero(lowest >= 0)
     x, y, z = (read_only(column) for column in points[lowest[own]].T)
     above = z - lower_envelope(x, y, z, read_only(own), _starts(own), _GRID.bins, 0.6, 0.1, 3)
-    assert ((above > 0.25).sum() > 20) == hides
+    assert ((above > 0.25).sum() > 20) == is_lower
 
 
 def test_plane_scores_and_moments():
     rng = np.random.default_rng(5)
     low = rng.normal(0, 1, (400, 3)) * [10, 10, 0.5]
-    weights, gates = rng.random(400), rng.uniform(0.2, 0.6, 400)
+    weights, thresholds = rng.random(400), rng.uniform(0.2, 0.6, 400)
     normal = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
-    columns = [read_only(column) for column in (*low.T, weights, 1 / gates)]
+    columns = [read_only(column) for column in (*low.T, weights, 1 / thresholds)]
     measured = plane_columns(read_only(low), 10.0, 0.2, 0.02)
     ranges = np.hypot(*low[:, :2].T)
-    nearness = 1 / (10 + ranges)
-    direct = [*low.T, nearness / nearness.sum(), 1 / (0.2 + 0.02 * ranges)]
+    proximity = 1 / (10 + ranges)
+    direct = [*low.T, proximity / proximity.sum(), 1 / (0.2 + 0.02 * ranges)]
     assert np.allclose(measured, direct, rtol=1e-13)
     found = plane_score(*columns, *normal, 0.1)
-    assert found == pytest.approx(slow.plane_score(low, weights, gates, normal, 0.1))
+    assert found == pytest.approx(slow.plane_score(low, weights, thresholds, normal, 0.1))
 
     sums = plane_moments(*columns, 1.5, *normal, 0.1)
     mean = sums[1:4] / sums[0]
     xx, xy, xz, yy, yz, zz = sums[4:] / sums[0]
     scatter = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - np.outer(mean, mean)
     up = np.linalg.eigh(scatter)[1][:, 0]
-    expected, offset = slow.biweight_plane(low, weights, gates, 1.5, normal, 0.1)
+    expected, offset = slow.biweight_plane(low, weights, thresholds, 1.5, normal, 0.1)
     assert np.allclose(up * np.sign(up[2]), expected, atol=1e-9)
     assert -(up * np.sign(up[2])) @ mean == pytest.approx(offset)
     once = refined_plane(*columns, read_only(np.array([1.5])), *normal, 0.1)
     assert np.allclose(once[:4], [*expected, offset], atol=1e-9)
-    assert once[4] == pytest.approx(slow.plane_score(low, weights, gates, expected, offset))
+    assert once[4] == pytest.approx(slow.plane_score(low, weights, thresholds, expected, offset))
     missed = refined_plane(*columns, read_only(np.array([1.5])), *normal, 90.0)
     assert missed[4] == -np.inf
 
@@ -178,24 +178,24 @@ def test_plane_scores_and_moments():
     st.sampled_from([1.0, 1e-9, 1e9]),
 )
 def test_the_flattest_direction_is_the_eigenvector_of_the_smallest_eigenvalue(rows, scale):
-    spread = rows.T @ rows * scale
-    values, axes = np.linalg.eigh(spread)
-    found = np.array(flattest_direction(spread.copy()))
+    scatter = rows.T @ rows * scale
+    values, axes = np.linalg.eigh(scatter)
+    found = np.array(flattest_direction(scatter.copy()))
     assert np.linalg.norm(found) == pytest.approx(1)
     assert found[2] >= 0
-    assert found @ spread @ found == pytest.approx(values[0], abs=1e-13 * values[2])
+    assert found @ scatter @ found == pytest.approx(values[0], abs=1e-13 * values[2])
     if values[1] - values[0] > 1e-3 * values[2]:
         assert abs(found @ axes[:, 0]) == pytest.approx(1)
 
 
-def test_the_best_triple_is_the_plane_that_most_points_share():
+def test_the_best_triple_is_the_plane_of_most_points():
     rng = np.random.default_rng(2)
     floor = np.column_stack([rng.uniform(-20, 20, (300, 2)), rng.normal(-1.5, 0.02, 300)])
     clutter = np.column_stack([rng.uniform(-20, 20, (600, 2)), rng.uniform(-1.5, 6, 600)])
     plane = fit_base_plane(np.vstack([floor, clutter]), max_tilt=0.7)
     assert plane.tilt < 0.01
     assert plane.offset == pytest.approx(1.5, abs=0.03)
-    # The second time it is the same to the bit, and upside down nothing is found twice.
+    # The result is bitwise reproducible.
     again = fit_base_plane(np.vstack([floor, clutter]), max_tilt=0.7)
     assert (plane.coefficients == again.coefficients).all()
 
@@ -207,7 +207,7 @@ def test_no_plane_without_points_or_through_a_line():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_patches_grow_as_defined(seed):
+def test_patches_grow_by_their_definition(seed):
     (x, y, z), cells, low = _low(seed)
     sectors, rings = 8, 6
     ring = np.minimum((np.hypot(x, y) / 5).astype(int), rings - 1)
@@ -231,11 +231,11 @@ def test_patches_grow_as_defined(seed):
     heights = heights_of_patches(
         x, y, read_only(patch), read_only(patches), read_only(accepted), sectors, rings
     )
-    blended = [
+    expected_heights = [
         slow.base_height(point, p, patches, accepted, sectors, rings)
         for point, p in zip(low, patch, strict=True)
     ]
-    assert np.allclose(heights, blended, atol=1e-9, equal_nan=True)
+    assert np.allclose(heights, expected_heights, atol=1e-9, equal_nan=True)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -260,16 +260,16 @@ def test_members_of_patches(seed):
     assert 0 < start.sum() < len(start)
 
 
-def test_seeds_lie_on_the_envelope_and_near_the_base():
+def test_seeds_are_on_the_envelope_and_near_the_base():
     rng = np.random.default_rng(3)
     heights, base = rng.uniform(-0.5, 0.5, (2, 300))
     base[::7] = np.nan
     ranges = rng.uniform(0, 60, 300)
     sharp, on_envelope = rng.random((2, 300)) < 0.6
     columns = [read_only(array) for array in (heights, base, ranges, sharp, on_envelope)]
-    above, seeds, caps = on_model.seeds_on_base(*columns, 0.3, 50.0, 0.15)
+    above, seeds, max_residuals = on_model.seeds_on_base(*columns, 0.3, 50.0, 0.15)
     assert np.array_equal(above, heights - base, equal_nan=True)
-    assert caps.tolist() == np.where(sharp, np.inf, 0.15).tolist()
+    assert max_residuals.tolist() == np.where(sharp, np.inf, 0.15).tolist()
     near = np.abs(above) < np.where(sharp, 0.3, 0.15)
     assert seeds.tolist() == (near & on_envelope & (ranges < 50)).tolist()
     assert 0 < seeds.sum() < 300
@@ -300,14 +300,14 @@ def test_the_extent_of_chosen_points(seed):
     chosen = (np.arange(len(low)) % 5 == 0) & (np.arange(len(low)) > starts[4])
     count, breadth, sectors = on_model.extent(read_only(low), read_only(chosen), starts)
     assert count == chosen.sum()
-    spread = np.cov(low[chosen, :2].T, bias=True)
-    assert breadth == pytest.approx(np.sqrt(np.linalg.eigvalsh(spread)[0]))
+    covariance = np.cov(low[chosen, :2].T, bias=True)
+    assert breadth == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
     assert sectors == sum(chosen[a:b].any() for a, b in itertools.pairwise(starts))
     nothing = read_only(np.zeros(len(low), dtype=bool))
     assert on_model.extent(read_only(low), nothing, starts) == (0, 0.0, 0)
 
 
-def test_one_compiled_form_serves_all():
+def test_every_kernel_has_one_compiled_signature():
     for kernel in (
         passes.lowest_in_cells, passes.gathered_prototypes, passes.sharp_prototypes,
         passes.split_by_knots, passes.turned_points,
