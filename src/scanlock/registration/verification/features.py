@@ -96,4 +96,4 @@ def features_from_clusters(
 
 def extract_features(cloud: PointCloud) -> VerificationFeatures:
     """Return the evidence of a scan for methods that do not look for its clusters."""
-    return features_from_clusters(_FINDER.find(cloud, [_RADIUS]))
+    return features_from_clusters(_FINDER.extract(cloud, [_RADIUS]))

@@ -84,9 +84,9 @@ def test_a_part_that_is_touched_keeps_the_rest_of_its_default():
 
 def test_a_list_of_tables_is_all_there_is():
     found = settings_from_toml(
-        'type = "SgcNdt"\n[[schedule.scales]]\nblur = 2\nlargest_radius = 3\nis_entry = true\n'
+        'type = "SgcNdt"\n[[schedule.scales]]\nsmoothing = 2\nmax_radius = 3\nstarts_here = true\n'
     )
-    assert found.schedule.scales == (Scale(smoothing=2.0, max_radius=3.0, is_entry=True),)
+    assert found.schedule.scales == (Scale(smoothing=2.0, max_radius=3.0, starts_here=True),)
 
 
 def test_none_is_written_where_the_default_is_something():
@@ -145,7 +145,7 @@ def _mistake(line, table="", head='type = "SgcNdt"'):
         (_mistake("schedule = 3"), "mine: schedule must be a table of CoarseToFine, got 3"),
         (_mistake("scales = 3", "[schedule]"),
          r"mine: schedule\.scales must be a list, each a table of Scale, got 3"),
-        (_mistake("scales = []", "[schedule]"), "mine: schedule: blur must not grow"),
+        (_mistake("scales = []", "[schedule]"), "mine: schedule: smoothing must not increase"),
         (_mistake('type = "Path"', "[schedule.solver]"),
          r"schedule\.solver\.type must be one of Bfgs, .*, got 'Path'"),
         (_mistake("step = 0", "[schedule.solver.stopping]"),
@@ -156,8 +156,8 @@ def _mistake(line, table="", head='type = "SgcNdt"'):
          r"schedule\.scales\[0\]: Scale needs largest_radius, a number"),
         (_mistake('blur = "1"\nlargest_radius = 1', "[[schedule.scales]]"),
          r"schedule\.scales\[0\]\.blur must be a number, got '1'"),
-        (_mistake("is_entry = 1", "[[schedule.scales]]\nblur = 1\nlargest_radius = 1"),
-         r"schedule\.scales\[0\]\.is_entry must be true or false, got 1"),
+        (_mistake("starts_here = 1", "[[schedule.scales]]\nsmoothing = 1\nmax_radius = 1"),
+         r"schedule\.scales\[0\]\.starts_here must be true or false, got 1"),
         (_mistake('seed_count = "all"', "[landmarks.segmenter.ground]"),
          "ground.seed_count must be a whole number or \"none\", got 'all'"),
         (_mistake('gates = ["wide"]', head='type = "Gicp"'), r"gates\[0\] must be a number"),
