@@ -35,7 +35,7 @@ _FULL = Auto()
 
 _SHALLOW = replace(_FULL, fallback_search=None, matcher=None)
 
-_NEAR_LEADING = tuple(replace(scale, is_entry=False) for scale in DEFAULT_SCALES[2:])
+_NEAR_LEADING = tuple(replace(scale, starts_here=False) for scale in DEFAULT_SCALES[2:])
 
 VARIANTS: dict[str, Auto] = {
     "all parts": _FULL,

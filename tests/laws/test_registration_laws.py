@@ -13,8 +13,8 @@ from scanlock.registration.registry import METHODS
 from scanlock.registration.verification.status import Status
 
 _METHODS = st.sampled_from(sorted(METHODS))
-_BLURRED = st.sampled_from(["sgc-ndt-d2d", "sgc-ndt-p2d"])
-"""Methods that blur the score, and so have a basin that is known beforehand."""
+_SMOOTHED = st.sampled_from(["sgc-ndt-d2d", "sgc-ndt-p2d"])
+"""Methods that smooth the score, which defines their basin of convergence."""
 
 
 @cache
@@ -24,20 +24,20 @@ def _street(seed):
 
 @st.composite
 def _motions(draw, metres, radians):
-    """A motion of at most so much along the ground and about z, a tenth of it otherwise."""
+    """A motion up to the given limits horizontally and about z, a tenth of them otherwise."""
     unit = st.floats(-1.0, 1.0)
-    shares = np.array(draw(st.tuples(unit, unit, unit, unit, unit, unit)))
+    factors = np.array(draw(st.tuples(unit, unit, unit, unit, unit, unit)))
     flat = metres / np.sqrt(2.0)
     return Pose.from_step(
-        shares * [flat, flat, 0.1 * metres, 0.1 * radians, 0.1 * radians, radians]
+        factors * [flat, flat, 0.1 * metres, 0.1 * radians, 0.1 * radians, radians]
     )
 
 
-@given(method=_BLURRED, motion=_motions(4.0, 0.5))
+@given(method=_SMOOTHED, motion=_motions(4.0, 0.5))
 @settings(max_examples=15)
 def test_a_motion_within_the_basin_is_recovered_and_trusted(method, motion):
-    # Half the basin that the widest blur promises. Bounds as in the contracts, doubled in
-    # rotation: roll and pitch hang on the heights of parts alone.
+    # Half the basin of the largest smoothing. Tolerances of the contract tests, doubled in
+    # rotation: only the heights of clusters constrain roll and pitch.
     result = register(source=motion.inverse().apply(_street(2)), target=_street(1), method=method)
     assert result.status is Status.OK
     assert result.target_from_source.is_close(motion, translation=0.2, rotation=0.02)
@@ -54,13 +54,13 @@ def test_a_wrong_pose_is_never_trusted(method, motion):
 
 @given(method=_METHODS, motion=_motions(3.0, 0.3), seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
-def test_neither_order_nor_repetition_of_rows_matters(method, motion, seed):
+def test_the_order_of_the_points_does_not_matter(method, motion, seed):
     rng = np.random.default_rng(seed)
     source = motion.inverse().apply(_street(2))
     once = register(source=source, target=_street(1), method=method)
     again = register(
         source=rng.permutation(source), target=rng.permutation(_street(1)), method=method
     )
-    gaps = once.target_from_source.apply(source) - again.target_from_source.apply(source)
-    assert np.abs(gaps).max() < 1e-5
+    differences = once.target_from_source.apply(source) - again.target_from_source.apply(source)
+    assert np.abs(differences).max() < 1e-5
     assert once.status is again.status

@@ -1,4 +1,4 @@
-"""Six pairs of real scans in three data sets, with trusted poses, for comparisons with peers."""
+"""Six pairs of real scans of three data sets, with reference poses, to compare with peers."""
 
 import json
 
@@ -8,7 +8,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.scans import read_scan
 
 STEP_AWAY = np.array([0.3, -0.2, 0.05, 0.01, -0.005, 0.03])
-"""From a trusted pose to a start within the reach of a gate of 1 m [m, rad]."""
+"""Step from the reference pose to an initial pose, less than 1 m for every point [m, rad]."""
 
 
 def _floats(path, columns):
@@ -43,6 +43,6 @@ PAIRS = ("street 0_10", "street 20_30", "street 40_50", "forest still", "forest 
 
 
 def real_pair(folder, name):
-    """The points of target and source, and the trusted pose, of one of `PAIRS`."""
+    """Points of target and source, and the reference pose, of one of `PAIRS`."""
     place, _, pair = name.partition(" ")
     return _PLACES[place](folder, pair)

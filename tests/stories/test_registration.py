@@ -37,7 +37,7 @@ def test_no_start_is_needed_whatever_the_heading():
     assert found.ok, found.reason
     assert found.target_from_source.is_close(motion, translation=0.05, rotation=math.radians(0.1))
     # And it says how it knows: one pose was found, and none that comes near it.
-    assert found.candidates[0].proposed_by == "heading search"
+    assert found.candidates[0].proposed_by == "BEV correlation"
     assert found.runner_up_ratio < 0.5
 
     # A start that is wrong by anything does no harm.

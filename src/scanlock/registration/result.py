@@ -178,7 +178,7 @@ class RegistrationResult:
             "candidates": [
                 {
                     "target_from_source": one.target_from_source.matrix.tolist(),
-                    "maker": one.proposed_by,
+                    "proposed_by": one.proposed_by,
                     "overlap": _number(one.overlap),
                     "target_overlap": _number(one.target_overlap),
                     "score": _number(one.score),

@@ -1,4 +1,4 @@
-"""What registration keeps of one scan: lines 1 to 5 of Algorithm 1 of Das et al. 2013."""
+"""Gaussians of the clusters of one scan: Algorithm 1, lines 1 to 5, of Das et al. 2013."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,23 +13,24 @@ from scanlock.segmentation.segmentation import Segmenter, obstacle_points, uprig
 from scanlock.timing import StageClock
 
 MIN_GAUSSIANS = 4
-"""Three Gaussians can be laid over three others by chance; four hardly ever."""
+"""Minimum number of Gaussians for a registration: any three can be aligned with three others by
+chance, four hardly ever."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClusterGaussians:
-    """A scan ready to be registered, as target or as source.
+    """The clusters of a scan as Gaussians, at several scales.
 
     Attributes
     ----------
     cloud : PointCloud
-        The checked points of the whole scan.
+        Checked points of the whole scan.
     obstacles : (n, 3) [m]
-        The points above the ground; all points where there is no ground.
+        Points above the ground; all measured points if there is no ground.
     gaussians : tuple of Gaussians
-        One set for each scale, coarsest first: clusters, or voxels where there is no ground.
+        One set per scale, coarsest first: clusters, or voxels if there is no ground.
     notes : tuple of str
-        What was found on the way.
+        Facts for the notes of the result.
     """
 
     cloud: PointCloud
@@ -41,75 +42,76 @@ class ClusterGaussians:
         frozen(self.obstacles)
 
     @property
-    def insufficient(self) -> str:
-        """Why the scan cannot be registered; empty when it can."""
-        parts = len(self.gaussians[-1])
-        if parts >= MIN_GAUSSIANS:
+    def insufficient_reason(self) -> str:
+        """Why the scan cannot be registered; empty if it can."""
+        count = len(self.gaussians[-1])
+        if count >= MIN_GAUSSIANS:
             return ""
-        return f"has {parts} Gaussians above the ground; {MIN_GAUSSIANS} are needed"
+        return f"has {count} Gaussians above the ground; {MIN_GAUSSIANS} are needed"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClusterGaussianExtractor:
-    """Settings of the front end: a scan's ground removed, the rest as Gaussians."""
+    """Settings of the extraction: remove the ground, cluster the rest, fit a Gaussian to each."""
 
     segmenter: Segmenter = field(default_factory=Segmenter)
-    """Ground and clusters; the scales of the registration decide how fine clusters are cut."""
+    """Ground and cluster finder. Its maximum cluster radius is not used: each scale has its own."""
 
     min_deviation: float = 0.1
-    """Least standard deviation of a Gaussian along any axis [m]: noise, and the jitter of a
-    cluster's mean between two views."""
+    """Minimum standard deviation of a Gaussian along any axis [m]. It covers sensor noise and the
+    variation of a cluster's mean between two views."""
 
     def __post_init__(self) -> None:
-        require_positive("deviation_floor", self.min_deviation, unit="m")
-        require_at_least("least_count", self.segmenter.clusters.min_points, 2)
+        require_positive("min_deviation", self.min_deviation, unit="m")
+        require_at_least("segmenter.clusters.min_points", self.segmenter.clusters.min_points, 2)
 
-    def find(
+    def extract(
         self, cloud: PointCloud, radii: Sequence[float], clock: StageClock | None = None
     ) -> ClusterGaussians:
-        """Return the landmarks of a cloud in its sensor's frame.
+        """Extract the cluster Gaussians of a cloud in its sensor's frame.
 
         Parameters
         ----------
         cloud : PointCloud
         radii : sequence of float [m]
-            Maximum radius of a cluster at each scale, not growing.
+            Maximum cluster radius of each scale, not increasing.
         clock : StageClock, optional
             Adds up the wall time of each stage.
         """
         clock = clock or StageClock()
         with clock.stage("ground"):
             ground = self.segmenter.ground.find(cloud)
-        return self.find_above(cloud, ground, radii, clock)
+        return self.extract_above(cloud, ground, radii, clock)
 
-    def find_above(
+    def extract_above(
         self,
         cloud: PointCloud,
         ground: Ground,
         radii: Sequence[float],
         clock: StageClock | None = None,
     ) -> ClusterGaussians:
-        """Return the landmarks of a cloud whose ground is known; see `find`."""
+        """Extract the cluster Gaussians of a cloud with known ground; see `extract`."""
         clock = clock or StageClock()
         with clock.stage("obstacles"):
             obstacles = obstacle_points(cloud, ground)
-        distinct = sorted(set(radii), reverse=True)
+        distinct_radii = sorted(set(radii), reverse=True)
         with clock.stage("clusters"):
-            found = self._gaussians(obstacles, ground, distinct)
-            gaussians = {
-                radius: one.regularised(self.min_deviation)
-                for radius, one in zip(distinct, found, strict=True)
+            sets = self._gaussians(obstacles, ground, distinct_radii)
+            of_radius = {
+                radius: gaussians.regularised(self.min_deviation)
+                for radius, gaussians in zip(distinct_radii, sets, strict=True)
             }
-        scales = tuple(gaussians[radius] for radius in radii)
+        scales = tuple(of_radius[radius] for radius in radii)
         note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
-        return ClusterGaussians(cloud, obstacles, scales, (note,))
+        return ClusterGaussians(cloud=cloud, obstacles=obstacles, gaussians=scales, notes=(note,))
 
     def _gaussians(
         self, obstacles: Points, ground: Ground, radii: Sequence[float]
     ) -> list[Gaussians]:
+        """Return the Gaussians of the clusters cut to each radius, or of voxels without ground."""
         finder = self.segmenter.clusters
         if ground.status is GroundStatus.NONE:
-            # Nothing separates the columns of polar bins; cubes take the place of clusters.
+            # Polar bins would mix floor, furniture and ceiling.
             partitions = [voxel_labels(obstacles, radius)[0] for radius in radii]
             return [Gaussians.from_labels(obstacles, one, finder.min_points) for one in partitions]
         labels, count = finder.grow(upright(obstacles, ground))

@@ -9,7 +9,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
-from scanlock.registration.methods.auto_scan import AutoScan
+from scanlock.registration.methods.auto_data import AutoData
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
@@ -50,7 +50,7 @@ def test_a_scan_prepared_by_another_method_is_refused(scans):
 
 def test_a_prepared_scan_tells_what_was_found():
     ready = prepare(np.insert(street(1), 7, np.nan, axis=0) + 1e5)
-    assert isinstance(ready.kept, AutoScan)
+    assert isinstance(ready.data, AutoData)
     assert ready.insufficient == ""
     assert ready.notes[0] == "1 rows with NaN or Inf left out"
     assert ready.notes[1].startswith("computed about the origin")

@@ -1,1 +1,28 @@
-"""Registration methods: settings with `prepare` and `align`, one file each."""
+"""Registration methods: settings with `prepare` and `align`.
+
+The contract
+    `protocol`: `Method`, `PreparationLog` and `InsufficientData`.
+The default method
+    - `auto`: `Auto`, from hypotheses to the choice of a pose.
+    - `auto_data`: data of a prepared scan and of a pair.
+    - `multi_start`: `MultiStart`, D2D refinement of many hypotheses.
+    - `fine_ndt`: `FineNdt`, D2D over small cells of whole scans.
+NDT over clusters
+    - `sgc_ndt`: `SgcNdt` (Das, Servos and Waslander 2013) and its D2D variant.
+    - `coarse_to_fine`: `CoarseToFine`, the schedule of smoothing.
+NDT over cells
+    - `ndt`: `Ndt`, point to distribution (Biber and Strasser 2003, Magnusson 2009).
+    - `ndt_d2d`: `NdtD2d`, distribution to distribution (Stoyanov et al. 2012).
+    - `mskm_ndt`: `MskmNdt`, multi-scale k-means (Das and Waslander 2012).
+    - `voxel_scan`: preparation of a scan as voxel Gaussians.
+    - `scales`: selection of the scales that a scan is dense enough for.
+ICP
+    - `icp`: `Icp` (Madhavan and Messina 2003).
+    - `icp_annealing`: `AnnealedStart`, simulated annealing before ICP.
+    - `icp_history`: convergence and cycles of ICP.
+    - `correspondences`: closest points and their weights; step 1 of the paper.
+    - `rejection`: distance thresholds (Zhang 1994, Chetverikov et al. 2002).
+    - `transform_estimation`: the pose of given correspondences; steps 2 and 3 of the paper.
+Generalised ICP
+    `gicp`: `Gicp` (Segal, Haehnel and Thrun 2009); by voxels (Koide et al. 2021).
+"""

@@ -1,6 +1,16 @@
-"""From any starting pose, or none, to millimetres: hypotheses, descents, fine stage, choice."""
+"""The default method: global search, refinement of the hypotheses, choice by score.
+
+1. Hypotheses: BEV correlation, cluster matching, prior.
+2. Refinement: multi-start D2D over clusters, then fine NDT over small cells. An initial pose is
+   refined by SGC-NDT over its full schedule, then by fine NDT, and by fine NDT alone.
+3. Score of each refined pose: overlap, correlation and free-space violation; the prior, and the
+   preference for an initial pose.
+4. Fallback, if the best score is low: a wider search, refinement and scores as before.
+5. Choice: the pose with the highest score.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from scanlock.clouds.point_cloud import PointCloud
@@ -9,7 +19,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.registration.methods.auto_scan import AutoScan
+from scanlock.registration.methods.auto_data import AutoData, AutoPair
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.multi_start import MultiStart, RefinedHypothesis
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
@@ -17,60 +27,73 @@ from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
 from scanlock.registration.search.cluster_matching import ClusterMatcher
-from scanlock.registration.search.hypothesis import Hypothesis, distinct
-from scanlock.registration.verification.agreement import candidate_at, free_space_violation
-from scanlock.registration.verification.candidate import INITIAL, Candidate, plausibility
-from scanlock.registration.verification.features import VerificationFeatures, features_from_clusters
+from scanlock.registration.search.hypothesis import Hypothesis, distinct_rows
+from scanlock.registration.verification.agreement import candidate_at
+from scanlock.registration.verification.candidate import INITIAL, Candidate
+from scanlock.registration.verification.features import features_from_clusters
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.result import GroundStatus
 
-_START_APART = 2.0
-"""A start may be this many times as far from where it leads as two ends of one place: 1 m is what
-the fine stage forgives."""
+_MAX_START_DISTANCE = 2.0
+"""Maximum distance from a start to its refined pose, in units of `MultiStart.min_separation`, at
+which fine NDT from the start is skipped. It would end at the same pose: 1 m is in its basin."""
 
-_MOST_IN_DOUBT = 8
-"""Hypotheses of the deeper search that are followed. The violation of a right one of simulated
-forests was a tenth of that of the next, among sixty."""
+_MAX_FALLBACK_HYPOTHESES = 8
+"""Number of BEV hypotheses that the fallback search refines. In simulated forests the free-space
+violation of the correct one of sixty was a tenth of the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ScoredPose:
+    """A refined pose and its score; the pose with the highest score is chosen."""
+
+    candidate: Candidate
+    solution: Solution
+    score: float
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Sort key: a pose without correspondences comes last."""
+        return self.solution.reason is not StopReason.EMPTY_OBJECTIVE, self.score
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Auto(Method[AutoScan]):
+class Auto(Method[AutoData]):
     """Settings of the default method; `prepare` each scan once, `align` any pair."""
 
     search: BevSearch | None = field(default_factory=BevSearch)
-    """Proposes poses from the scans themselves; None leaves it out."""
+    """BEV correlation; None disables it."""
 
     fallback_search: BevSearch | None = field(
         default_factory=lambda: BevSearch(
             free_cell_weight=0.4, max_hypotheses=60, min_score_ratio=0.3
         )
     )
-    """Proposes more poses where those leave doubt; free space sorts out the few to follow. None
-    leaves it out. Its viewer is that of `search`."""
+    """BEV correlation of the fallback, on the grids of `search`; None disables it. Free-space
+    violations select the hypotheses to refine."""
 
     matcher: ClusterMatcher | None = field(default_factory=ClusterMatcher)
-    """Proposes poses from matched clusters, whatever the tilt, where a scan has no ground or doubt
-    is left; None leaves it out."""
+    """Cluster matching for any tilt, used without a ground and in the fallback; None disables
+    it."""
 
     initial_method: SgcNdt = field(default_factory=SgcNdt)
-    """Descends from an initial pose by its full schedule, which forgives 10 m and 60 degrees."""
+    """Refinement of an initial pose; its basin is 10 m and 60 degrees."""
 
     multi_start: MultiStart = field(default_factory=MultiStart)
-    """Descends from the hypotheses."""
+    """Refinement of the hypotheses."""
 
     range_imager: RangeImager | None = field(default_factory=RangeImager)
-    """Says which poses put things where the other scan looked through; None leaves it out."""
+    """Range images for free-space violations; None disables them."""
 
     fine: FineNdt | None = field(default_factory=FineNdt)
-    """Ends what the descents have left; None leaves it out."""
+    """Fine NDT from each refined pose; None disables it."""
 
     initial_pose_preference: float = 1.2
-    """An initial pose is left for another only if the agreement there is this many times as
-    good: who gives one usually knows."""
+    """Factor of the score of an initial pose: another pose must score higher by this factor."""
 
     fallback_threshold: float = 0.08
-    """With an agreement below this at the end, or much that stands where the other scan looked
-    through, what else can be tried is tried."""
+    """Minimum agreement of the best pose; below it, or with a large free-space violation, the
+    fallback search runs."""
 
     def __post_init__(self) -> None:
         require_at_least("initial_pose_preference", self.initial_pose_preference, 1.0)
@@ -78,255 +101,228 @@ class Auto(Method[AutoScan]):
 
     @property
     def covariance_factor(self) -> float:
-        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        """Ratio of actual to estimated deviations, measured by `benchmarks/uncertainty.py`."""
         return self.initial_method.covariance_factor if self.fine is None else 0.89
 
-    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> AutoScan:
-        """Return what the method keeps of a scan."""
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> AutoData:
+        """Compute clusters, BEV grid, verification features and fine cells of a scan."""
         log = log or PreparationLog()
-        finder = self.initial_method.extractor
+        extractor = self.initial_method.extractor
+        initial_radii = [scale.max_radius for scale in self.initial_method.schedule.scales]
+        multi_start_radii = [scale.max_radius for scale in self.multi_start.scales]
+        radii = sorted({*initial_radii, *multi_start_radii}, reverse=True)
         with log.stage("ground"):
-            ground = finder.segmenter.ground.find(cloud)
-        basin = [scale.max_radius for scale in self.initial_method.schedule.scales]
-        near = [scale.max_radius for scale in self.multi_start.scales]
-        radii = sorted({*basin, *near}, reverse=True)
-        found = finder.find_above(cloud, ground, radii, log.clock)
-        parts = dict(zip(radii, found.gaussians, strict=True))
-        with log.stage("view"):
-            view = None if self.search is None else self.search.grid(cloud, ground)
-            level = None if ground.status is GroundStatus.NONE else level_pose(cloud, ground)
-        with log.stage("evidence"):
-            features = features_from_clusters(found, self.range_imager)
+            ground = extractor.segmenter.ground.find(cloud)
+        clusters = extractor.extract_above(cloud, ground, radii, log.clock)
+        at_radius = dict(zip(radii, clusters.gaussians, strict=True))
+        with log.stage("bev"):
+            bev_grid = None if self.search is None else self.search.project(cloud, ground)
+            has_ground = ground.status is not GroundStatus.NONE
+            level_from_scan = level_pose(cloud, ground) if has_ground else None
+        with log.stage("features"):
+            features = features_from_clusters(clusters, self.range_imager)
         with log.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
-        scan = AutoScan(
-            replace(found, gaussians=tuple(parts[radius] for radius in basin)),
-            tuple(parts[radius] for radius in near),
-            view,
-            level,
-            features,
-            fine,
+        data = AutoData(
+            clusters=replace(clusters, gaussians=tuple(at_radius[one] for one in initial_radii)),
+            multi_start_gaussians=tuple(at_radius[one] for one in multi_start_radii),
+            bev_grid=bev_grid,
+            level_from_scan=level_from_scan,
+            features=features,
+            fine=fine,
         )
-        if scan.insufficient:
-            raise InsufficientData(scan.insufficient)
-        for note in found.notes:
+        if data.insufficient_reason:
+            raise InsufficientData(data.insufficient_reason)
+        for note in clusters.notes:
             log.note(note)
         if fine is not None:
-            log.note(f"{len(fine.gaussians)} cells of {fine.width:g} m")
+            log.note(f"{len(fine.gaussians)} cells of {fine.cell_size:g} m")
         log.features = features
-        return scan
+        return data
 
     def align(
         self,
-        target: AutoScan,
-        source: AutoScan,
+        target: AutoData,
+        source: AutoData,
         start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, and what else there was.
+        """Estimate the pose, target from source; see `Method.align`.
 
         Parameters
         ----------
-        target, source : AutoScan
+        target, source : AutoData
+            From `prepare`.
         start : Pose, optional
-            One more hypothesis, and the value of locked directions; the identity by default.
-        restraint : Restraint
+            Initial pose: one more hypothesis, and the value of the locked directions (without
+            one, that of the identity).
+        constraints : Constraints
+            Locked directions and prior.
+
+        Returns
+        -------
+        Solution
+            The pose with the highest score; its `candidates` are all distinct refined poses.
         """
-        history: tuple[Iteration, ...] = ()
-        rivals: list[tuple[Candidate, Solution]] = []
-        for ends in (self._first_ends, self._further_ends):
-            ended, steps = ends(target, source, start, constraints)
-            history += steps + tuple(step for one in ended for step in one.solution.history)
-            features = target.features, source.features
-            rivals += [(judged(*features, one), one.solution) for one in ended]
-            count = len(source.gaussians[-1])
-            rivals.sort(key=lambda rival: self._standing(*rival, constraints, count), reverse=True)
-            poses = [candidate.target_from_source for candidate, _ in rivals]
-            rivals = [rivals[row] for row in distinct(poses, *self.multi_start.min_separation)]
-            best = rivals[0][0] if rivals else None
-            if best is not None and best.is_plausible and best.agreement >= self.fallback_threshold:
-                break
+        pair = AutoPair(target=target, source=source, initial=start, constraints=constraints)
+        refined, history = self._refine(pair, self._hypotheses(pair), start, INITIAL)
+        ranked = self._rank(pair, refined)
+        if self._needs_fallback(ranked):
+            identity = Pose.identity() if start is None else None
+            hypotheses = self._fallback_hypotheses(pair)
+            refined, further_history = self._refine(pair, hypotheses, identity, "identity")
+            ranked = self._rank(pair, refined, ranked)
+            history += further_history
         return replace(
-            rivals[0][1],
+            ranked[0].solution,
             history=history,
-            candidates=tuple(candidate for candidate, _ in rivals),
-            runner_up_ratio=self._rivalry(rivals, constraints, len(source.gaussians[-1])),
+            candidates=tuple(one.candidate for one in ranked),
+            runner_up_ratio=_runner_up_ratio(ranked),
         )
 
-    def _rivalry(
-        self, ended: list[tuple[Candidate, Solution]], constraints: Constraints, count: int
-    ) -> float:
-        """Return how well the second stands, as a share of the first.
+    def _hypotheses(self, pair: AutoPair) -> list[Hypothesis]:
+        """Propose poses: prior, BEV correlation, and cluster matching if a ground is missing."""
+        hypotheses: list[Hypothesis] = []
+        if pair.constraints.prior is not None:
+            prior = pair.constraints.prior.pose
+            hypotheses.append(Hypothesis(pose=prior, score=1.0, proposed_by="prior"))
+        hypotheses += _correlate(self.search, pair)
+        if not pair.both_have_level_grids:
+            hypotheses += self._match_clusters(pair)
+        return hypotheses
 
-        A prior may decide between poses that agree as well. An initial pose is but a hypothesis,
-        which may itself lie at a twin of the right one.
-        """
-        if len(ended) < 2:
-            return 0.0
-        (_, first), (_, second) = (self._standing(*one, constraints, count) for one in ended[:2])
-        return max(0.0, second / first) if first > 0.0 else math.nan
+    def _fallback_hypotheses(self, pair: AutoPair) -> list[Hypothesis]:
+        """Propose more poses: wider BEV correlation, sorted by plausibility; cluster matching."""
+        hypotheses = _correlate(self.fallback_search, pair)
+        hypotheses.sort(key=lambda one: one.score * pair.plausibility(one.pose), reverse=True)
+        hypotheses = hypotheses[:_MAX_FALLBACK_HYPOTHESES]
+        if pair.both_have_level_grids:
+            hypotheses += self._match_clusters(pair)
+            # The ground may be a wall: match at any tilt too.
+            hypotheses += self._match_clusters(pair, any_tilt=True)
+        return hypotheses
 
-    def _first_ends(
-        self, target: AutoScan, source: AutoScan, initial: Pose | None, constraints: Constraints
-    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
-        """Return where the search and an initial pose lead."""
-        ended, history = self._descended(
-            target, source, self._hypotheses(target, source, constraints), initial, constraints
-        )
-        if initial is not None:
-            ended += self._ends_of(target, source, initial, INITIAL, constraints, ended)
-        return ended, history
-
-    def _further_ends(
-        self, target: AutoScan, source: AutoScan, initial: Pose | None, constraints: Constraints
-    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
-        """Return where everything else leads, for scans that the first ends leave in doubt."""
-        proposed: list[Hypothesis] = []
-        if (
-            self.fallback_search is not None
-            and target.bev_grid is not None
-            and source.bev_grid is not None
-        ):
-            proposed = self.fallback_search.hypotheses(target.bev_grid, source.bev_grid)
-        features = target.features, source.features
-        proposed.sort(
-            key=lambda one: one.weight * plausibility(free_space_violation(*features, one.pose)),
-            reverse=True,
-        )
-        proposed = proposed[:_MOST_IN_DOUBT]
-        if target.has_ground and source.has_ground:
-            # What was taken for ground may be a wall: once as it was levelled, once freely.
-            proposed += self._matched(target, source)
-            proposed += self._matched(target, source, is_free=True)
-        ended, history = self._descended(target, source, proposed, initial, constraints)
-        if initial is None:
-            start = Pose.identity()
-            ended += self._ends_of(target, source, start, "identity", constraints, ended)
-        return ended, history
-
-    def _descended(
-        self,
-        target: AutoScan,
-        source: AutoScan,
-        hypotheses: list[Hypothesis],
-        initial: Pose | None,
-        constraints: Constraints,
-    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
-        """Return where hypotheses lead through the descents and the fine stage."""
-        if not (target.has_gaussians and source.has_gaussians):
-            return [], ()
-        start = initial or Pose.identity()
-        ended, history = self.multi_start.refine(
-            target.gaussians,
-            source.gaussians,
-            [replace(one, pose=constraints.project(one.pose, start)) for one in hypotheses],
-            constraints,
-            lambda pose: plausibility(free_space_violation(target.features, source.features, pose)),
-        )
-        return [self._refined(target, source, one, constraints) for one in ended], history
-
-    def _ends_of(
-        self,
-        target: AutoScan,
-        source: AutoScan,
-        start: Pose,
-        proposed_by: str,
-        constraints: Constraints,
-        known: list[RefinedHypothesis],
-    ) -> list[RefinedHypothesis]:
-        """Return where a start leads: through its basin, and straight into the fine stage.
-
-        A start close by must not be lost on the way through coarser scales. Where its basin leads
-        to a place that is known, that is its end; the only one if the start lies close to that.
-        """
-        ended: list[RefinedHypothesis] = []
-        if target.has_gaussians and source.has_gaussians:
-            solution = self.initial_method.align(
-                target.clusters, source.clusters, start, constraints
-            )
-            met = self._known_at(solution.pose, known)
-            if met is None:
-                ended.append(
-                    self._refined(
-                        target, source, RefinedHypothesis(proposed_by, solution), constraints
-                    )
-                )
-            else:
-                ended.append(RefinedHypothesis(proposed_by, replace(met, history=solution.history)))
-                if self._known_at(start, ended, _START_APART) is not None:
-                    return ended
-        if self.fine is not None and target.fine is not None and source.fine is not None:
-            solution = self.fine.align(target.fine, source.fine, start, constraints)
-            ended.append(RefinedHypothesis(proposed_by, solution))
-        return ended
-
-    def _known_at(
-        self, pose: Pose, known: list[RefinedHypothesis], times: float = 1.0
-    ) -> Solution | None:
-        """Return the first solution that is not so many times `apart`, None without one."""
-        metres, radians = (times * limit for limit in self.multi_start.min_separation)
-        for one in known:
-            if one.solution.pose.is_close(pose, translation=metres, rotation=radians):
-                return one.solution
-        return None
-
-    def _hypotheses(
-        self, target: AutoScan, source: AutoScan, constraints: Constraints
-    ) -> list[Hypothesis]:
-        found: list[Hypothesis] = []
-        if constraints.prior is not None:
-            found.append(Hypothesis(constraints.prior.pose, 1.0, "prior"))
-        if self.search is not None and target.bev_grid is not None and source.bev_grid is not None:
-            found += self.search.hypotheses(target.bev_grid, source.bev_grid)
-        if not (target.has_ground and source.has_ground):
-            found += self._matched(target, source)
-        return found
-
-    def _matched(
-        self, target: AutoScan, source: AutoScan, is_free: bool = False
-    ) -> list[Hypothesis]:
+    def _match_clusters(self, pair: AutoPair, any_tilt: bool = False) -> list[Hypothesis]:
         if self.matcher is None:
             return []
-        # Not kept with a scan: few pairs leave a doubt that needs them.
-        features = [
-            self.matcher.describe(one.gaussians[0], None if is_free else one.level)
-            for one in (target, source)
-        ]
-        return self.matcher.hypotheses(*features)
-
-    def _refined(
-        self,
-        target: AutoScan,
-        source: AutoScan,
-        descent: RefinedHypothesis,
-        constraints: Constraints,
-    ) -> RefinedHypothesis:
-        if self.fine is None or target.fine is None or source.fine is None:
-            return descent
-        pose = descent.solution.pose
-        solution = self.fine.align(target.fine, source.fine, pose, constraints)
-        return (
-            descent
-            if solution.reason is StopReason.EMPTY_OBJECTIVE
-            else replace(descent, solution=solution)
+        # Not part of `prepare`: few pairs need it.
+        target, source = (
+            self.matcher.describe(
+                scan.multi_start_gaussians[0], None if any_tilt else scan.level_from_scan
+            )
+            for scan in (pair.target, pair.source)
         )
+        return self.matcher.hypotheses(target, source)
 
-    def _standing(
-        self, candidate: Candidate, solution: Solution, constraints: Constraints, count: int
-    ) -> tuple[bool, float]:
-        """Return how good a candidate is, of a source of `count` parts; the best is chosen."""
-        standing = candidate.agreement
+    def _refine(
+        self,
+        pair: AutoPair,
+        hypotheses: list[Hypothesis],
+        start: Pose | None,
+        proposed_by: str,
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
+        """Refine hypotheses, and a start if given; also return all evaluations."""
+        refined: list[RefinedHypothesis] = []
+        history: tuple[Iteration, ...] = ()
+        if pair.both_have_clusters:
+            refined, history = self.multi_start.refine(
+                pair.target.multi_start_gaussians,
+                pair.source.multi_start_gaussians,
+                [replace(one, pose=pair.constrained(one.pose)) for one in hypotheses],
+                pair.constraints,
+                pair.plausibility,
+            )
+            refined = [self._refine_finely(pair, one) for one in refined]
+        if start is not None:
+            refined += self._refine_start(pair, start, proposed_by, refined)
+        return refined, history + tuple(step for one in refined for step in one.solution.history)
+
+    def _refine_start(
+        self, pair: AutoPair, start: Pose, proposed_by: str, known: list[RefinedHypothesis]
+    ) -> list[RefinedHypothesis]:
+        """Refine a start by SGC-NDT and fine NDT, and by fine NDT alone.
+
+        Fine NDT alone keeps an accurate start, which the coarse scales might lose. If SGC-NDT
+        ends at a known pose, that pose is returned instead; the only one if the start is near it.
+        """
+        refined: list[RefinedHypothesis] = []
+        if pair.both_have_clusters:
+            solution = self.initial_method.align(
+                pair.target.clusters, pair.source.clusters, start, pair.constraints
+            )
+            same = [one for one in known if self._is_near(one, solution.pose)]
+            if same:
+                solution = replace(same[0].solution, history=solution.history)
+                one = RefinedHypothesis(proposed_by=proposed_by, solution=solution)
+                if self._is_near(one, start, _MAX_START_DISTANCE):
+                    return [one]
+                refined.append(one)
+            else:
+                one = RefinedHypothesis(proposed_by=proposed_by, solution=solution)
+                refined.append(self._refine_finely(pair, one))
+        solution = self._fine_ndt(pair, start)
+        if solution is not None:
+            refined.append(RefinedHypothesis(proposed_by=proposed_by, solution=solution))
+        return refined
+
+    def _refine_finely(self, pair: AutoPair, refined: RefinedHypothesis) -> RefinedHypothesis:
+        """Refine further by fine NDT; return the input if there are no correspondences."""
+        solution = self._fine_ndt(pair, refined.solution.pose)
+        if solution is None or solution.reason is StopReason.EMPTY_OBJECTIVE:
+            return refined
+        return replace(refined, solution=solution)
+
+    def _fine_ndt(self, pair: AutoPair, start: Pose) -> Solution | None:
+        target, source = pair.target.fine, pair.source.fine
+        if self.fine is None or target is None or source is None:
+            return None
+        return self.fine.align(target, source, start, pair.constraints)
+
+    def _is_near(self, refined: RefinedHypothesis, pose: Pose, factor: float = 1.0) -> bool:
+        """Return whether two poses are closer than a multiple of the minimum separation."""
+        translation, rotation = (factor * one for one in self.multi_start.min_separation)
+        return refined.solution.pose.is_close(pose, translation=translation, rotation=rotation)
+
+    def _rank(
+        self, pair: AutoPair, refined: list[RefinedHypothesis], ranked: Sequence[_ScoredPose] = ()
+    ) -> list[_ScoredPose]:
+        """Score refined poses; return the distinct ones, ranked ones included, best first."""
+        scored = [*ranked, *(self._score(pair, one) for one in refined)]
+        scored.sort(key=lambda one: one.rank, reverse=True)
+        poses = [one.candidate.target_from_source for one in scored]
+        return [scored[row] for row in distinct_rows(poses, *self.multi_start.min_separation)]
+
+    def _score(self, pair: AutoPair, refined: RefinedHypothesis) -> _ScoredPose:
+        """Score a refined pose: agreement, initial-pose preference, prior."""
+        target, source = pair.target.features, pair.source.features
+        candidate = candidate_at(target, source, refined.solution.pose, refined.proposed_by)
+        score = candidate.agreement
         if candidate.proposed_by == INITIAL:
-            standing *= self.initial_pose_preference
-        if constraints.prior is not None:
-            # As in the objectives, the prior is one observation beside those of the parts.
-            belief = constraints.prior.linearise(candidate.target_from_source).value
-            standing -= belief / max(1, count)
-        return solution.reason is not StopReason.EMPTY_OBJECTIVE, standing
+            score *= self.initial_pose_preference
+        if pair.constraints.prior is not None:
+            # As in the objectives, the prior is one observation among those of the Gaussians.
+            penalty = pair.constraints.prior.linearise(candidate.target_from_source).value
+            score -= penalty / max(1, len(pair.source.multi_start_gaussians[-1]))
+        return _ScoredPose(candidate, refined.solution, score)
+
+    def _needs_fallback(self, ranked: list[_ScoredPose]) -> bool:
+        """Return whether no pose is plausible with sufficient agreement."""
+        if not ranked:
+            return True
+        best = ranked[0].candidate
+        return not (best.is_plausible and best.agreement >= self.fallback_threshold)
 
 
-def judged(
-    target: VerificationFeatures, source: VerificationFeatures, descent: RefinedHypothesis
-) -> Candidate:
-    """Return the candidate that a descent ended with."""
-    return candidate_at(target, source, descent.solution.pose, descent.proposed_by)
+def _correlate(search: BevSearch | None, pair: AutoPair) -> list[Hypothesis]:
+    target, source = pair.target.bev_grid, pair.source.bev_grid
+    if search is None or target is None or source is None:
+        return []
+    return search.hypotheses(target, source)
+
+
+def _runner_up_ratio(ranked: list[_ScoredPose]) -> float:
+    """Return the score of the second pose over that of the first; 0 without a second."""
+    if len(ranked) < 2:
+        return 0.0
+    first, second = (one.score for one in ranked[:2])
+    return max(0.0, second / first) if first > 0.0 else math.nan

@@ -1,8 +1,8 @@
-"""Coarse to fine: the same objective over ever sharper Gaussians, each from the last pose.
+"""Coarse-to-fine schedule: the same objective over Gaussians with less and less smoothing.
 
-Blurring both sets of Gaussians blurs the score itself, and a blurred score has a basin as wide
-as the blur. Neither paper does this for clusters; Das and Waslander 2012 do it over the number
-of k-means clusters.
+Adding an isotropic covariance to both sets of Gaussians smooths the score itself, and widens its
+basin of convergence to the width of the smoothing. Das et al. 2013 use a single scale; Das and
+Waslander 2012 vary the number of k-means clusters instead.
 """
 
 import functools
@@ -16,46 +16,50 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
+from scanlock.optimisation.solvers.staged import with_tolerance
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Scale:
-    """One step of the schedule: how blurred the score is, and how fine the scans are cut."""
+    """One scale of a schedule: the smoothing of the score and the size of the clusters."""
 
     smoothing: float
-    """Standard deviation added to every Gaussian [m]; 0 leaves them as they are."""
+    """Standard deviation added to every Gaussian [m]; 0 for none."""
 
     max_radius: float
-    """Clusters are cut to this radius [m]; under a blur, finer ones only cost time."""
+    """Maximum radius of a cluster [m]; larger clusters are split."""
 
     weight_power: float = 0.5
-    """D2D: Gaussians weigh as their counts to this power."""
+    """Exponent of the number of points in the weight of a Gaussian; D2D only."""
 
-    is_entry: bool = False
-    """Whether a descent of its own begins here; one always begins at the first scale."""
+    starts_here: bool = False
+    """Whether one more refinement of the initial pose starts at this scale. The first scale always
+    starts one."""
 
     def __post_init__(self) -> None:
         require_at_least("weight_power", self.weight_power, 0.0)
         require_at_least("smoothing", self.smoothing, 0.0, unit="m")
-        require_positive("largest_radius", self.max_radius, unit="m")
+        require_positive("max_radius", self.max_radius, unit="m")
 
 
 DEFAULT_SCALES = (
     Scale(smoothing=8.0, max_radius=6.0),
     Scale(smoothing=4.0, max_radius=6.0),
-    Scale(smoothing=2.0, max_radius=3.0, is_entry=True),
+    Scale(smoothing=2.0, max_radius=3.0, starts_here=True),
     Scale(smoothing=1.0, max_radius=3.0),
     Scale(smoothing=0.0, max_radius=1.5, weight_power=0.25),
 )
-"""The first blur sets the basin, about 10 m and 60 degrees; the last cut sets the precision.
+"""The default schedule.
 
-Near objects, rich in points, lead the blurred scales and hold the basin; at the end the far ones
-need a say, for they know the angles. Where the scans share little, a wide blur pulls their centres
-together, away even from a true start; a second descent that begins at 2 m is spared that.
+The smoothing of the first scale sets the basin, about 10 m and 60 degrees; the cluster radius of
+the last scale sets the precision. Near objects have many points. They dominate the smoothed scales
+and widen the basin; the last scale gives more weight to far objects, which constrain the rotation.
+With little overlap, 8 m of smoothing pulls the scans towards a common centre, even from the true
+pose; the refinement that starts at 2 m is free of that.
 """
 
 PAPER_SCALES = (Scale(smoothing=0.0, max_radius=3.0),)
-"""One scale, as in Das et al. 2013: the basin is then that of the sharp clusters."""
+"""The single scale of Das et al. 2013, without smoothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -63,80 +67,80 @@ class CoarseToFine:
     """Settings of the schedule."""
 
     scales: tuple[Scale, ...] = DEFAULT_SCALES
-    """Coarsest first."""
+    """Scales, coarsest first."""
 
     solver: Solver = field(default_factory=Newton)
-    """Minimises at each scale."""
+    """Solver at each scale."""
 
     coarse_tolerance: float = 0.01
-    """A blurred scale stops at steps below this share of its blur: the next one goes on."""
+    """Step tolerance of a smoothed scale as a fraction of its smoothing."""
 
     def __post_init__(self) -> None:
-        blurs = [scale.smoothing for scale in self.scales]
-        radii = [scale.max_radius for scale in self.scales]
-        for name, values in (("blur", blurs), ("largest_radius", radii)):
+        for name, values in (
+            ("smoothing", [scale.smoothing for scale in self.scales]),
+            ("max_radius", [scale.max_radius for scale in self.scales]),
+        ):
             if not values or values != sorted(values, reverse=True):
-                raise InvalidInput(f"{name} must not grow from scale to scale, got {values}")
-        require_fraction("loose_step", self.coarse_tolerance)
+                raise InvalidInput(f"{name} must not increase from scale to scale, got {values}")
+        require_fraction("coarse_tolerance", self.coarse_tolerance)
 
     def minimise(self, objective_at: Callable[[int], Objective], start: Pose) -> Solution:
-        """Return the best solution of the finest scale, with the history of all descents.
+        """Return the best solution of the last scale, with the history of all refinements.
 
         Parameters
         ----------
         objective_at : callable
-            Returns the objective at the scale of an index.
+            Returns the objective of a scale by its index.
         start : Pose
-            Where the coarsest scale begins; returned untouched if nothing meets at the finest.
+            Initial pose of every refinement. It is returned if the objective of the last scale
+            is empty.
         """
         objective_at = functools.cache(objective_at)
-        ends: list[tuple[int, Pose]] = []
+        minima: list[tuple[int, Pose]] = []
         solutions: list[Solution] = []
         history: list[Iteration] = []
-        for entry, scale in enumerate(self.scales):
-            if entry == 0 or scale.is_entry:
-                solution, steps = self._descend(objective_at, entry, start, ends)
+        for first, scale in enumerate(self.scales):
+            if first == 0 or scale.starts_here:
+                solution, steps = self._refine(objective_at, first, start, minima)
                 history += steps
                 if solution is not None:
                     solutions.append(solution)
         best = min(solutions, key=lambda one: one.quadratic.value)
         pose = start if best.reason is StopReason.EMPTY_OBJECTIVE else best.pose
-        return replace(best, pose=pose, history=tuple(history))
+        last_objective = objective_at(len(self.scales) - 1)
+        return replace(best, pose=pose, history=tuple(history), objective=last_objective)
 
-    def _descend(
+    def _refine(
         self,
         objective_at: Callable[[int], Objective],
-        entry: int,
+        first: int,
         start: Pose,
-        ends: list[tuple[int, Pose]],
+        minima: list[tuple[int, Pose]],
     ) -> tuple[Solution | None, list[Iteration]]:
-        """Return where a descent leads, or None once it is where an earlier one was.
+        """Refine a pose from the scale `first` to the last.
 
-        It adds the pose at the end of each of its scales to `ends`.
+        The solution is None if a scale ends at the minimum of an earlier refinement. Otherwise
+        scale index and pose of each minimum are appended to `minima`.
         """
-        solution, history, own = None, list[Iteration](), list[tuple[int, Pose]]()
-        for index in range(entry, len(self.scales)):
-            solver = self._solver_at(self.scales[index])
+        solution, history, own_minima = None, list[Iteration](), list[tuple[int, Pose]]()
+        for index in range(first, len(self.scales)):
+            tolerance = self.coarse_tolerance * self.scales[index].smoothing
+            solver = with_tolerance(self.solver, tolerance)
             solution = solver.minimise(objective_at(index), start)
             history += solution.history
             start = solution.pose
-            # Either stopped a step from the minimum at most, so this is one and the same.
+            # Each of the two stopped within one step of the minimum.
             same = 2.0 * solver.criteria.step_tolerance
             if any(
-                at == index and _gap(start, pose, solver.rotation_scale) <= same
-                for at, pose in ends
+                at == index and _distance(start, pose, solver.rotation_scale) <= same
+                for at, pose in minima
             ):
                 return None, history
-            own.append((index, start))
-        ends += own
+            own_minima.append((index, start))
+        minima += own_minima
         return solution, history
 
-    def _solver_at(self, scale: Scale) -> Solver:
-        criteria = self.solver.criteria
-        step = max(criteria.step_tolerance, self.coarse_tolerance * scale.smoothing)
-        return replace(self.solver, criteria=replace(criteria, step_tolerance=step))
 
-
-def _gap(one: Pose, other: Pose, rotation_scale: float) -> float:
-    metres, radians = one.distance(other)
-    return metres + rotation_scale * radians
+def _distance(one: Pose, other: Pose, rotation_scale: float) -> float:
+    translation, rotation = one.distance(other)
+    return translation + rotation_scale * rotation

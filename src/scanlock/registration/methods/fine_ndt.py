@@ -1,15 +1,15 @@
-"""The last stage: small cells of whole scans, ground included, Gaussian against Gaussian.
+"""Fine NDT: D2D over small cells of whole scans, ground included, from a pose close by.
 
-Clusters hold a pose to centimetres, and leave height, roll and pitch weak. Cells of a metre over
-everything that was seen are flat nearly everywhere, and thousands of flat Gaussians hold all
-six directions to a millimetre, from a start within a cell or two.
+Clusters constrain a pose to centimetres, and height, roll and pitch weakly. Cells of a metre over
+whole scans are flat nearly everywhere. Thousands of flat Gaussians constrain all six directions to
+millimetres, from a pose within one or two cells.
 """
 
 from dataclasses import dataclass, field, replace
 
 from scanlock.arrays import Points, frozen
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import require_at_least, require_positive
+from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
@@ -21,31 +21,31 @@ from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
 from scanlock.registration.methods.scales import MIN_COVERAGE
-from scanlock.registration.methods.voxel_scan import measured_points, require_widths
+from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 from scanlock.threads import parallel_map
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FineNdtScan:
-    """The small cells of a scan.
+    """The cells of a scan.
 
     Attributes
     ----------
     points : (n, 3) [m]
         All measured points.
-    width : float [m]
-        Side of the cells: the least that most points fill.
+    cell_size : float [m]
+        Side of the cells.
     gaussians : Gaussians
-        Those of the cells of that width, in all grids.
-    coarse : Gaussians
-        Those of the first grid only.
+        Gaussians of the cells of all grids.
+    first_grid : Gaussians
+        Gaussians of the cells of the first grid only.
     """
 
     points: Points
-    width: float
+    cell_size: float
     gaussians: Gaussians
-    coarse: Gaussians
+    first_grid: Gaussians
 
     def __post_init__(self) -> None:
         frozen(self.points)
@@ -53,55 +53,58 @@ class FineNdtScan:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FineNdt:
-    """Settings of the last stage; `prepare` each scan once, `align` as many pairs as wanted."""
+    """Settings of fine NDT; `prepare` each scan once, `align` any pair."""
 
     cell_sizes: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Sides of the cells [m], finest first. Each scan takes the first that most of its points
-    fill, a pair the larger of its two."""
+    """Sides of the cells [m], smallest first. Each scan takes the first size at which most of its
+    points lie in cells with a Gaussian; a pair takes the larger one of its scans."""
 
     offsets: tuple[float, ...] = (0.0, 1.0 / 3.0, 2.0 / 3.0)
-    """Where the grids lie along each axis, as shares of the width; the cells of all of them are
-    taken. What one grid cuts badly the next one does not."""
+    """Offsets of the grids along each axis as fractions of the cell size. A surface divided badly
+    by one grid is divided well by another."""
 
     shapes: tuple[ScoreShape, ...] = (
         ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0),
         ScoreShape(sharpness=1.0, window_start=4.0, window_end=9.0),
     )
-    """The score of a pair, one shape after the other: the first bring the cells of one grid
-    together, the last is the more exact and takes all grids. Cut off early, since far pairs cost
-    time and say nothing here."""
+    """Shapes of the score, one after the other. All but the last use the first grid only; the last
+    one uses all grids. Distant Gaussians are cut off early: they cost time and constrain little."""
 
     weight_power: float = 0.25
-    """Gaussians weigh as their counts to this power."""
+    """Exponent of the number of points in the weight of a Gaussian."""
 
     grid: VoxelGrid = field(default_factory=VoxelGrid)
-    """What becomes of the points of a cell."""
+    """Settings of the Gaussian of a cell."""
 
     solver: Solver = field(
         default_factory=lambda: Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
     )
-    """Minimises the score. What is left after a step of a millimetre is two thousandths of it."""
+    """Solver of each shape. After a Newton step of 1 mm the remaining error is about 2 um."""
 
     coarse_tolerance: float = 0.03
-    """All shapes but the last stop at steps below this [m]."""
+    """Step tolerance of all shapes but the last [m]."""
 
     def __post_init__(self) -> None:
-        require_widths(self.cell_sizes[::-1])
-        require_at_least("offsets", len(self.offsets), 1)
-        require_at_least("shapes", len(self.shapes), 1)
+        if not self.cell_sizes or list(self.cell_sizes) != sorted(self.cell_sizes):
+            raise InvalidInput(f"cell_sizes must be ascending and not empty, got {self.cell_sizes}")
+        for cell_size in self.cell_sizes:
+            require_positive("cell_sizes", cell_size, unit="m")
+        for name, values in (("offsets", self.offsets), ("shapes", self.shapes)):
+            if not values:
+                raise InvalidInput(f"{name} must not be empty")
         require_positive("weight_power", self.weight_power)
-        require_positive("loose_step", self.coarse_tolerance, unit="m")
+        require_positive("coarse_tolerance", self.coarse_tolerance, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
-        """Return the cells of a cloud at the width that its density allows."""
+        """Compute the cells of a cloud at the smallest size that its density allows."""
         points = measured_points(cloud)
-        found = self._cells(points, self.cell_sizes[0])
-        for coarser in self.cell_sizes[1:]:
-            share = found.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
-            if share >= MIN_COVERAGE and len(found.gaussians) >= MIN_GAUSSIANS:
+        scan = self._scan(points, self.cell_sizes[0])
+        for larger in self.cell_sizes[1:]:
+            coverage = scan.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
+            if coverage >= MIN_COVERAGE and len(scan.gaussians) >= MIN_GAUSSIANS:
                 break
-            found = self._cells(points, coarser)
-        return found
+            scan = self._scan(points, larger)
+        return scan
 
     def align(
         self,
@@ -110,14 +113,14 @@ class FineNdt:
         start: Pose,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, from a start close by."""
-        width = max(target.width, source.width)
-        stays, moves = self._at_width(target, width), self._at_width(source, width)
+        """Estimate the pose, target from source, from a start within one or two cells."""
+        cell_size = max(target.cell_size, source.cell_size)
+        target, source = self._with_size(target, cell_size), self._with_size(source, cell_size)
 
         def stage(shape: ScoreShape, is_last: bool) -> Stage:
             objective = GaussiansToGaussians(
-                target=stays.gaussians if is_last else stays.coarse,
-                source=moves.gaussians if is_last else moves.coarse,
+                target=target.gaussians if is_last else target.first_grid,
+                source=source.gaussians if is_last else source.first_grid,
                 shape=shape,
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,
@@ -129,12 +132,17 @@ class FineNdt:
         stages = [*(stage(shape, False) for shape in first), stage(last, True)]
         return minimise_staged(stages, start)
 
-    def _at_width(self, scan: FineNdtScan, width: float) -> FineNdtScan:
-        return scan if scan.width == width else self._cells(scan.points, width)
+    def _with_size(self, scan: FineNdtScan, cell_size: float) -> FineNdtScan:
+        return scan if scan.cell_size == cell_size else self._scan(scan.points, cell_size)
 
-    def _cells(self, points: Points, width: float) -> FineNdtScan:
+    def _scan(self, points: Points, cell_size: float) -> FineNdtScan:
         grids = parallel_map(
-            lambda offset: replace(self.grid, offset=offset).gaussians(points, width).gaussians,
+            lambda offset: replace(self.grid, offset=offset).gaussians(points, cell_size).gaussians,
             self.offsets,
         )
-        return FineNdtScan(points, width, Gaussians.joined(grids), grids[0])
+        return FineNdtScan(
+            points=points,
+            cell_size=cell_size,
+            gaussians=Gaussians.joined(grids),
+            first_grid=grids[0],
+        )

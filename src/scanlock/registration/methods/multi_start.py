@@ -1,7 +1,7 @@
-"""Descents from many hypotheses, of which few are followed to the end."""
+"""Multi-start refinement: D2D from many hypotheses, the worse ones dropped after each scale."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
@@ -10,30 +10,35 @@ from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import with_tolerance
 from scanlock.registration.methods.coarse_to_fine import Scale
-from scanlock.registration.search.hypothesis import Hypothesis, distinct
+from scanlock.registration.search.hypothesis import Hypothesis, distinct_rows
 
 HYPOTHESIS_SCALES = (
     Scale(smoothing=1.0, max_radius=3.0, weight_power=0.25),
     Scale(smoothing=0.0, max_radius=1.5, weight_power=0.25),
 )
-"""For starts within 2 m and a few degrees. A wider blur would pull scans that share little to where
-their centres meet; and near objects, rich in points, may move with the sensor: its carrier, its
-vehicle. So they do not lead here."""
+"""Scales for hypotheses within 2 m and a few degrees of the true pose.
+
+More smoothing would pull scans with little overlap towards a common centre. The small weight power
+limits the weight of near objects, which have many points and may move with the sensor: the person
+who carries it, or the vehicle.
+"""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RefinedHypothesis:
-    """Where a hypothesis ended.
+    """The refinement of one hypothesis.
 
     Attributes
     ----------
-    maker : str
-        What proposed the hypothesis.
+    proposed_by : str
+        Origin of the hypothesis.
     solution : Solution
+        Pose, objective and history after the refinement.
     """
 
     proposed_by: str
@@ -42,33 +47,32 @@ class RefinedHypothesis:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MultiStart:
-    """Settings: SGC-NDT D2D, scale by scale, and which descents go on after each."""
+    """Settings of the multi-start refinement by SGC-NDT D2D."""
 
     scales: tuple[Scale, ...] = HYPOTHESIS_SCALES
-    """Coarsest first."""
+    """Scales, coarsest first."""
 
     solver: Solver = field(
         default_factory=lambda: Newton(criteria=ConvergenceCriteria(step_tolerance=5e-3))
     )
-    """Minimises at each scale. What is left after a step of 5 mm is a fraction of a millimetre, and
-    the last stage goes on from there."""
+    """Solver at each scale. After a Newton step of 5 mm the remaining error is below 1 mm."""
 
     coarse_tolerance: float = 0.01
-    """A blurred scale stops at steps below this share of its blur."""
+    """Step tolerance of a smoothed scale as a fraction of its smoothing."""
 
     min_score_ratio: float = 0.4
-    """A descent whose score at a scale is below this share of the best one's is given up."""
+    """Minimum score of a hypothesis after each scale as a fraction of the best score."""
 
     max_kept: int = 4
-    """How many go on after each scale, at most."""
+    """Maximum number of hypotheses after each scale."""
 
     min_separation: tuple[float, float] = (0.5, 0.05)
-    """Two descents that end closer than this are one [m, rad]."""
+    """Translation [m] and rotation [rad] below which two refined hypotheses are duplicates."""
 
     def __post_init__(self) -> None:
         if not self.scales:
             raise InvalidInput("scales must not be empty")
-        require_fraction("loose_step", self.coarse_tolerance)
+        require_fraction("coarse_tolerance", self.coarse_tolerance)
         require_fraction("min_score_ratio", self.min_score_ratio)
         require_count("max_kept", self.max_kept, 1)
         for one, unit in zip(self.min_separation, ("m", "rad"), strict=True):
@@ -82,55 +86,67 @@ class MultiStart:
         constraints: Constraints,
         plausibility: Callable[[Pose], float],
     ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
-        """Return the descents that went to the end, best first, and the history of all.
+        """Refine hypotheses scale by scale; keep the best distinct ones after each scale.
 
         Parameters
         ----------
         target, source : sequence of Gaussians
-            One set for each scale.
+            One set per scale.
         hypotheses : iterable of Hypothesis
-            Where the descents begin.
-        restraint : Restraint
+            Poses to refine.
+        constraints : Constraints
+            Locked directions and prior.
         plausibility : callable
-            What else speaks for a pose, from 1 down to 0: its factor to the score.
+            Factor of the score of a pose, in [0, 1].
+
+        Returns
+        -------
+        refined : list of RefinedHypothesis
+            The hypotheses kept after the last scale, best first.
+        history : tuple of Iteration
+            All evaluations, those of dropped hypotheses included.
         """
         history: list[Iteration] = []
-        running = [(one.proposed_by, one.pose) for one in hypotheses]
-        ended: list[RefinedHypothesis] = []
-        for index, scale in enumerate(self.scales):
-            objective = constraints.applied_to(
-                GaussiansToGaussians(
-                    target=target[index].inflated(scale.smoothing),
-                    source=source[index].inflated(scale.smoothing),
-                    weight_power=scale.weight_power,
-                    curvature=self.solver.curvature,
-                )
-            )
+        starts = [(one.proposed_by, one.pose) for one in hypotheses]
+        refined: list[RefinedHypothesis] = []
+        for scale, target_set, source_set in zip(self.scales, target, source, strict=True):
+            objective = constraints.applied_to(self._objective(scale, target_set, source_set))
             solver = with_tolerance(self.solver, self.coarse_tolerance * scale.smoothing)
-            ended = [
-                RefinedHypothesis(proposed_by, solver.minimise(objective, pose))
-                for proposed_by, pose in running
+            refined = [
+                RefinedHypothesis(
+                    proposed_by=proposed_by,
+                    solution=replace(solver.minimise(objective, pose), objective=objective),
+                )
+                for proposed_by, pose in starts
             ]
-            history += [step for one in ended for step in one.solution.history]
-            ended = self._best_of(ended, plausibility)
-            running = [(one.proposed_by, one.solution.pose) for one in ended]
-        return ended, tuple(history)
+            history += [step for one in refined for step in one.solution.history]
+            refined = self._best(refined, plausibility)
+            starts = [(one.proposed_by, one.solution.pose) for one in refined]
+        return refined, tuple(history)
 
-    def _best_of(
-        self, ended: list[RefinedHypothesis], plausibility: Callable[[Pose], float]
+    def _objective(self, scale: Scale, target: Gaussians, source: Gaussians) -> Objective:
+        return GaussiansToGaussians(
+            target=target.inflated(scale.smoothing),
+            source=source.inflated(scale.smoothing),
+            weight_power=scale.weight_power,
+            curvature=self.solver.curvature,
+        )
+
+    def _best(
+        self, refined: list[RefinedHypothesis], plausibility: Callable[[Pose], float]
     ) -> list[RefinedHypothesis]:
-        """Return the distinct ones that are good enough to go on, best first."""
+        """Return the distinct refined hypotheses with a sufficient score, best first."""
         scored = [
             (-one.solution.quadratic.value * plausibility(one.solution.pose), one)
-            for one in ended
+            for one in refined
             if one.solution.reason is not StopReason.EMPTY_OBJECTIVE
         ]
         scored.sort(key=lambda pair: pair[0], reverse=True)
-        # A prior far away can make all scores negative; the best goes on all the same.
+        # A distant prior can make all scores negative; the best is kept all the same.
         good = [
             one
             for rank, (score, one) in enumerate(scored)
             if rank == 0 or score >= self.min_score_ratio * scored[0][0]
         ]
-        rows = distinct([one.solution.pose for one in good], *self.min_separation)
+        rows = distinct_rows([one.solution.pose for one in good], *self.min_separation)
         return [good[row] for row in rows[: self.max_kept]]

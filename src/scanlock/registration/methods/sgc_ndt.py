@@ -1,4 +1,4 @@
-"""Segmented greedy cluster NDT: Algorithm 1 of Das et al. 2013, and its D2D sibling."""
+"""Segmented greedy cluster NDT: Algorithm 1 of Das et al. 2013 (P2D), and its D2D variant."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -17,36 +17,37 @@ from scanlock.registration.methods.coarse_to_fine import CoarseToFine, Scale
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor, ClusterGaussians
 
-_POINT_BLUR = 2.0 * 2**0.5
-"""Blur of the target in P2D over that of either scan in D2D.
+_P2D_SMOOTHING = 2.0 * 2**0.5
+"""Smoothing of the target in P2D, relative to that of either scan in D2D.
 
-Points cannot be blurred, so the target takes the blur of both (a factor of root two); points
-also lack the extent of clusters, and twice as much again gives P2D the basin of D2D.
+Points cannot be smoothed, so the target takes the smoothing of both scans: a factor of root two.
+Points also lack the extent of clusters; twice as much smoothing gives P2D the basin of D2D.
 """
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class SgcNdt(Method[ClusterGaussians]):
-    """Settings of SGC-NDT; `prepare` each scan once, `align` as many pairs as wanted."""
+    """Settings of SGC-NDT; `prepare` each scan once, `align` any pair."""
 
     score: Literal["d2d", "p2d"] = "d2d"
     """Gaussians of the source, or its obstacle points, against Gaussians of the target."""
 
     extractor: ClusterGaussianExtractor = field(default_factory=ClusterGaussianExtractor)
-    """Lines 1 to 5: ground removed, the rest clustered, clusters as Gaussians."""
+    """Algorithm 1, lines 1 to 5: ground removal, clustering, Gaussians of the clusters."""
 
     schedule: CoarseToFine = field(default_factory=CoarseToFine)
-    """Lines 6 to 21, at each scale in turn; `PAPER_SCALES` is the paper's single one."""
+    """Algorithm 1, lines 6 to 21, repeated at each scale; the paper has one (`PAPER_SCALES`)."""
 
     voxel_size: float = 0.5
-    """P2D takes the mean of the source's points in each voxel of this side [m]."""
+    """Voxel size of the downsampled source points in P2D [m]."""
 
     voxel_size_ratio: float = 1.0
-    """P2D: under a blur the voxels grow to this share of it."""
+    """Minimum voxel size in P2D as a fraction of the smoothing."""
 
     merge_ratio: float = 1.0
-    """D2D: under a blur, the Gaussians in one cube of this many blurs become one; 0 leaves them
-    apart. The blur hides which they were; cubes of two blurs lose a pair carried by hand."""
+    """Side of the voxels in which the Gaussians of a smoothed scale are merged in D2D, as a
+    multiple of the smoothing; 0 disables merging. A multiple of 2 fails on a pair of handheld
+    scans."""
 
     def __post_init__(self) -> None:
         if self.score not in ("d2d", "p2d"):
@@ -57,16 +58,16 @@ class SgcNdt(Method[ClusterGaussians]):
 
     @property
     def covariance_factor(self) -> float:
-        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        """Ratio of actual to estimated deviations, measured by `benchmarks/uncertainty.py`."""
         return 1.16 if self.score == "d2d" else 1.11
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> ClusterGaussians:
-        """Return what the method keeps of a scan."""
+        """Extract the cluster Gaussians of a scan at each scale; see `Method.prepare`."""
         log = log or PreparationLog()
         radii = [scale.max_radius for scale in self.schedule.scales]
-        clusters = self.extractor.find(cloud, radii, log.clock)
-        if clusters.insufficient:
-            raise InsufficientData(clusters.insufficient)
+        clusters = self.extractor.extract(cloud, radii, log.clock)
+        if clusters.insufficient_reason:
+            raise InsufficientData(clusters.insufficient_reason)
         for note in clusters.notes:
             log.note(note)
         log.clusters = clusters
@@ -79,33 +80,38 @@ class SgcNdt(Method[ClusterGaussians]):
         start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, from a start."""
-        curvature = self.schedule.solver.curvature
-
-        def objective_at(index: int) -> Objective:
-            scale = self.schedule.scales[index]
-            blur = scale.smoothing
-            if self.score == "p2d":
-                spacing = max(self.voxel_size, self.voxel_size_ratio * blur)
-                return PointsToGaussians(
-                    target=target.gaussians[index].inflated(_POINT_BLUR * blur),
-                    points=read_only(voxel_means(source.obstacles, spacing)),
-                    curvature=curvature,
-                )
-            return GaussiansToGaussians(
-                target=self._blurred(target.gaussians[index], scale),
-                source=self._blurred(source.gaussians[index], scale),
-                weight_power=scale.weight_power,
-                curvature=curvature,
-            )
-
+        """Estimate the pose, target from source, from an initial pose; see `Method.align`."""
+        objective = self._p2d_objective if self.score == "p2d" else self._d2d_objective
         return self.schedule.minimise(
-            lambda index: constraints.applied_to(objective_at(index)), start or Pose.identity()
+            lambda index: constraints.applied_to(objective(target, source, index)),
+            start or Pose.identity(),
         )
 
-    def _blurred(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
-        width = self.merge_ratio * scale.smoothing
-        # Without weights by count there is no count that would stand for several Gaussians.
-        if width > 0.0 and scale.weight_power > 0.0:
-            gaussians = gaussians.merged(width, scale.weight_power)
+    def _p2d_objective(
+        self, target: ClusterGaussians, source: ClusterGaussians, index: int
+    ) -> Objective:
+        smoothing = self.schedule.scales[index].smoothing
+        voxel_size = max(self.voxel_size, self.voxel_size_ratio * smoothing)
+        return PointsToGaussians(
+            target=target.gaussians[index].inflated(_P2D_SMOOTHING * smoothing),
+            points=read_only(voxel_means(source.obstacles, voxel_size)),
+            curvature=self.schedule.solver.curvature,
+        )
+
+    def _d2d_objective(
+        self, target: ClusterGaussians, source: ClusterGaussians, index: int
+    ) -> Objective:
+        scale = self.schedule.scales[index]
+        return GaussiansToGaussians(
+            target=self._smoothed(target.gaussians[index], scale),
+            source=self._smoothed(source.gaussians[index], scale),
+            weight_power=scale.weight_power,
+            curvature=self.schedule.solver.curvature,
+        )
+
+    def _smoothed(self, gaussians: Gaussians, scale: Scale) -> Gaussians:
+        voxel_size = self.merge_ratio * scale.smoothing
+        # With a weight power of 0, no count gives one Gaussian the weight of several.
+        if voxel_size > 0.0 and scale.weight_power > 0.0:
+            gaussians = gaussians.merged(voxel_size, scale.weight_power)
         return gaussians.inflated(scale.smoothing)

@@ -1,11 +1,13 @@
-"""Headings and places at which two scans agree when seen from above: one search over them all.
+"""BEV correlation: exhaustive search over heading and horizontal translation by FFT.
 
-With the ground of both scans level, what is left of a pose are a heading and a shift in the
-plane. For every heading, one correlation by Fourier transform tells the agreement at every shift,
-so no starting pose is needed and none can be missed for want of a match between features.
+Once both scans are level, the pose has three unknowns left: heading and horizontal translation.
+For each heading, one correlation of the BEV grids gives the score of every translation, so the
+search needs no initial pose and no feature matches. The spectra are partially whitened, between
+plain correlation and the phase correlation of Kuglin and Hines 1975.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -19,57 +21,60 @@ from scanlock.errors import InvalidInput, require_at_least, require_count, requi
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.rotated_grids import turned_maps
-from scanlock.registration.search.bev_grid import BevGrid, BevGridder
-from scanlock.registration.search.ground_alignment import ground_fitted
+from scanlock.registration.search.bev_grid import BevGrid, BevProjector
+from scanlock.registration.search.ground_alignment import align_grounds
 from scanlock.registration.search.hypothesis import Hypothesis
 from scanlock.segmentation.ground.finder import Ground
 from scanlock.threads import parallel_map
 
-_Maps = NDArray[np.float32]
+_Grids = NDArray[np.float32]
 _Spectra = NDArray[np.complex64]
 
-_CELLS = 30
-"""Cells of the map from its axis to the end of a scan."""
+_RADIUS_CELLS = 30
+"""Radius of a scan in the correlation grid [cells]; cells beyond it are left out."""
 
-_SIDE = 96
-"""Cells along a side: two scans of 30 cells' reach and shifts of up to 36 cells do not wrap."""
+_GRID_SIZE = 96
+"""Cells along a side of the correlation grid. Two scans with a radius of 30 cells do not wrap
+around at translations of up to 36 cells."""
 
-_WIDTHS = (0.5, 1.0, 2.0)
-"""Sides of a cell [m]: the least one whose map holds both scans, or the last."""
+_CELL_SIZES = (0.5, 1.0, 2.0)
+"""Sides of a correlation cell [m]: the smallest for which both scans fit, or else the last."""
 
-_LEAST_MAGNITUDE = 1e-6
-"""Keeps frequencies that neither scan has from a division by zero."""
+_MIN_MAGNITUDE = 1e-6
+"""Added to spectral magnitudes to avoid a division by zero."""
 
-_APART = 2
-"""Peaks this many cells or headings apart along any axis are two places."""
+_SUPPRESSION_RADIUS = 2
+"""Half-width of the non-maximum suppression around a peak, in headings and in cells."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BevSearch:
-    """Settings of the search; `view` each scan once, then `hypotheses` for any pair."""
+    """Settings of the BEV correlation: `project` each scan once, then `hypotheses` of any pair."""
 
-    gridder: BevGridder = field(default_factory=BevGridder)
-    """What is seen of a scan from above."""
+    projector: BevProjector = field(default_factory=BevProjector)
+    """Settings of the BEV grid of each scan."""
 
     headings: int = 92
-    """How many, evenly around the circle, a multiple of four; 4 degrees are a cell at the end of
-    the map."""
+    """Number of headings, evenly around the circle; a multiple of four. Half a step, 2 degrees, is
+    one cell at the radius of the grid."""
 
     free_cell_weight: float = 0.2
-    """What open ground counts against a full column; agrees with itself, and with none of them."""
+    """Weight of a free cell against a fully occupied one. Free cells correlate positively with
+    each other, negatively with occupied cells."""
 
     whitening: float = 0.5
-    """Power of a frequency's magnitude that is divided out of the correlation: 0 leaves it, 1
-    keeps the phase alone. Slopes and thickets are large and alike; posts and corners are not."""
+    """Exponent of the magnitude by which each spectrum is divided: 0 is plain correlation, 1 is
+    phase correlation. Whitening favours posts and corners over slopes and thickets."""
 
     align_ground: bool = True
-    """Whether height, roll and pitch follow the ground that both scans saw."""
+    """Whether to estimate height, roll and pitch of a hypothesis from the ground that both scans
+    observed."""
 
     max_hypotheses: int = 8
-    """How many hypotheses, at most."""
+    """Maximum number of hypotheses."""
 
     min_score_ratio: float = 0.5
-    """A peak below this share of the highest is no hypothesis."""
+    """Minimum score of a hypothesis as a fraction of the best score."""
 
     def __post_init__(self) -> None:
         require_count("headings", self.headings, 4)
@@ -80,119 +85,135 @@ class BevSearch:
         require_count("max_hypotheses", self.max_hypotheses, 1)
         require_fraction("min_score_ratio", self.min_score_ratio)
 
-    def grid(self, cloud: PointCloud, ground: Ground) -> BevGrid:
-        """Return what the search needs of a scan."""
-        return self.gridder.view(cloud, ground)
+    def project(self, cloud: PointCloud, ground: Ground) -> BevGrid:
+        """Compute the BEV grid of a cloud from the result of its ground segmentation."""
+        return self.projector.project(cloud, ground)
 
     def hypotheses(self, target: BevGrid, source: BevGrid) -> list[Hypothesis]:
-        """Return the places of best agreement, best first; none where a scan shows nothing.
+        """Return the poses at the peaks of the correlation, best first.
 
-        The weight of the first is 1, that of the others their share of its agreement.
+        Their scores are relative to the highest peak. The list is empty if either grid has no
+        occupied cell.
         """
-        if len(target.columns) == 0 or len(source.columns) == 0:
+        if len(target.occupied_cells) == 0 or len(source.occupied_cells) == 0:
             return []
-        cell = _cell_for(max(target.reach, source.reach))
-        agreement = self._agreement(target, source, cell)
-        found: list[Hypothesis] = []
-        best = 0.0
-        for _ in range(self.max_hypotheses):
-            heading, i, j = (
-                int(k) for k in np.unravel_index(int(agreement.argmax()), agreement.shape)
-            )
-            height = float(agreement[heading, i, j])
-            best = max(best, height)
-            if height <= self.min_score_ratio * best:
-                break
-            quarter = heading // (self.headings // 4)
-            x, y = _quarter_turned(_signed(i), _signed(j), quarter)
-            turn = 2.0 * math.pi * heading / self.headings
-            level = Pose(exp_rotation(np.array([0.0, 0.0, turn])), cell * np.array([x, y, 0.0]))
+        cell_size = _cell_size(max(target.radius, source.radius))
+        correlation = self._correlation(target, source, cell_size)
+        hypotheses: list[Hypothesis] = []
+        for heading, i, j, score in self._peaks(correlation):
+            level = self._level_pose(heading, i, j, cell_size)
             pose = target.level_from_scan.inverse() @ level @ source.level_from_scan
             if self.align_ground:
-                pose = ground_fitted(target, source, pose)
-            found.append(Hypothesis(pose, height / best, "heading search"))
-            _clear_around(agreement, heading, i, j)
-        return found
+                pose = align_grounds(target, source, pose)
+            hypotheses.append(Hypothesis(pose=pose, score=score, proposed_by="BEV correlation"))
+        return hypotheses
 
-    def _agreement(self, target: BevGrid, source: BevGrid, cell: float) -> _Maps:
-        """Return the (h, side, side) correlation at each heading and shift; shifts wrap.
+    def _correlation(self, target: BevGrid, source: BevGrid, cell_size: float) -> _Grids:
+        """Return the (h, size, size) correlation at each heading and translation.
 
-        Maps of cells can be turned by a right angle without loss, so the headings of one quarter
-        of the circle against four turns of the target stand for all: shifts of the quarter q are
-        those of a target turned back by q right angles.
+        Grids can be rotated by a right angle without resampling. The source is therefore rotated
+        to the headings of the first quadrant, the target to the four right angles. Translations
+        of quadrant q refer to a target rotated back by q right angles; they wrap around.
         """
-        quarters = np.linspace(0.0, -2.0 * math.pi, 4, endpoint=False)
-        turns = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
-        stays, moves = parallel_map(
-            lambda side: self._spectra(*side, cell), ((target, quarters), (source, turns))
+        right_angles = np.linspace(0.0, -2.0 * math.pi, 4, endpoint=False)
+        quadrant = np.linspace(0.0, 0.5 * math.pi, self.headings // 4, endpoint=False)
+        target_spectra, source_spectra = parallel_map(
+            lambda side: self._spectra(*side, cell_size),
+            ((target, right_angles), (source, quadrant)),
         )
-        moves = moves.conj()
-        agreement = np.empty((4, len(turns), _SIDE, _SIDE), np.float32)
+        source_spectra = source_spectra.conj()
+        correlation = np.empty((4, len(quadrant), _GRID_SIZE, _GRID_SIZE), np.float32)
 
-        def correlate(quarter: int) -> None:
-            product = stays[quarter] * moves
-            agreement[quarter] = cast(
-                _Maps, fft.irfft2(product, s=(_SIDE, _SIDE), overwrite_x=True)
+        def correlate(q: int) -> None:
+            product = target_spectra[q] * source_spectra
+            correlation[q] = cast(
+                _Grids, fft.irfft2(product, s=(_GRID_SIZE, _GRID_SIZE), overwrite_x=True)
             )
 
-        # A quarter at a time, which a cache holds.
+        # One quadrant at a time fits into the cache.
         parallel_map(correlate, range(4))
-        return agreement.reshape(self.headings, _SIDE, _SIDE)
+        return correlation.reshape(self.headings, _GRID_SIZE, _GRID_SIZE)
 
-    def _spectra(self, view: BevGrid, turns: Vector, cell: float) -> _Spectra:
-        """Return the transforms of the maps at each turn, whitened."""
-        # SciPy's transform keeps single precision; its stubs do not know what it returns.
-        spectra = cast(_Spectra, fft.rfft2(self._maps(view, turns, cell)))
+    def _spectra(self, grid: BevGrid, headings: Vector, cell_size: float) -> _Spectra:
+        """Return the whitened spectra of a BEV grid rotated to each heading."""
+        rotated = turned_maps(
+            *_cells_within(grid, cell_size * _RADIUS_CELLS),
+            self.free_cell_weight,
+            read_only(headings),
+            cell_size,
+            _GRID_SIZE,
+        )
+        # The stubs of SciPy do not know that its transform keeps single precision.
+        spectra = cast(_Spectra, fft.rfft2(rotated))
         if self.whitening > 0.0:
-            magnitude = np.abs(spectra) + np.float32(_LEAST_MAGNITUDE)
-            # The root alone is several times faster than a power.
+            magnitude = np.abs(spectra) + np.float32(_MIN_MAGNITUDE)
+            # A square root is several times faster than a power.
             if self.whitening == 0.5:
                 np.sqrt(magnitude, out=magnitude)
             else:
                 np.power(magnitude, self.whitening, out=magnitude)
-            # Either part by itself: NumPy would divide by complex numbers.
+            # NumPy would convert a real divisor of complex numbers to a complex one.
             spectra.real /= magnitude
             spectra.imag /= magnitude
         return spectra
 
-    def _maps(self, view: BevGrid, turns: Vector, cell: float) -> _Maps:
-        return turned_maps(
-            *_within(view, cell * _CELLS), self.free_cell_weight, read_only(turns), cell, _SIDE
-        )
+    def _peaks(self, correlation: _Grids) -> Iterator[tuple[int, int, int, float]]:
+        """Yield heading, i, j and relative score of the peaks, highest first.
+
+        Suppresses the neighbourhood of each peak in `correlation`.
+        """
+        best = 0.0
+        for _ in range(self.max_hypotheses):
+            heading, i, j = (
+                int(k) for k in np.unravel_index(int(correlation.argmax()), correlation.shape)
+            )
+            value = float(correlation[heading, i, j])
+            best = max(best, value)
+            if value <= self.min_score_ratio * best:
+                return
+            yield heading, i, j, value / best
+            _suppress(correlation, heading, i, j)
+
+    def _level_pose(self, heading: int, i: int, j: int, cell_size: float) -> Pose:
+        """Return the pose between the levelled frames at an entry of the correlation."""
+        quadrant = heading // (self.headings // 4)
+        x, y = _rotated_by_right_angles(_unwrapped(i), _unwrapped(j), quadrant)
+        yaw = 2.0 * math.pi * heading / self.headings
+        return Pose(exp_rotation(np.array([0.0, 0.0, yaw])), cell_size * np.array([x, y, 0.0]))
 
 
-def _within(view: BevGrid, reach: float) -> tuple[Matrix, Vector, Matrix]:
-    """Return the columns, their fills and the open columns within a range [m]."""
-    near = np.hypot(*view.columns.T) < reach
-    open_near = np.hypot(*view.open_columns.T) < reach
+def _cell_size(radius: float) -> float:
+    return next((size for size in _CELL_SIZES if radius <= size * _RADIUS_CELLS), _CELL_SIZES[-1])
+
+
+def _cells_within(grid: BevGrid, radius: float) -> tuple[Matrix, Vector, Matrix]:
+    """Return occupied cells, occupancy and free cells within a horizontal range [m]."""
+    is_occupied_near = np.hypot(*grid.occupied_cells.T) < radius
+    is_free_near = np.hypot(*grid.free_cells.T) < radius
     return (
-        read_only(view.columns[near]),
-        read_only(view.fills[near]),
-        read_only(view.open_columns[open_near]),
+        read_only(grid.occupied_cells[is_occupied_near]),
+        read_only(grid.occupancy[is_occupied_near]),
+        read_only(grid.free_cells[is_free_near]),
     )
 
 
-def _cell_for(reach: float) -> float:
-    return next((width for width in _WIDTHS if reach <= width * _CELLS), _WIDTHS[-1])
+def _unwrapped(index: int) -> int:
+    """Return the signed translation of an index of the correlation [cells]."""
+    return (index + _GRID_SIZE // 2) % _GRID_SIZE - _GRID_SIZE // 2
 
 
-def _signed(index: int) -> int:
-    return (index + _SIDE // 2) % _SIDE - _SIDE // 2
-
-
-def _quarter_turned(i: int, j: int, quarters: int) -> tuple[int, int]:
-    """Return a shift turned by so many right angles."""
-    for _ in range(quarters % 4):
+def _rotated_by_right_angles(i: int, j: int, count: int) -> tuple[int, int]:
+    for _ in range(count % 4):
         i, j = -j, i
     return i, j
 
 
-def _clear_around(agreement: _Maps, heading: int, i: int, j: int) -> None:
-    """Put a peak and what belongs to it out of the running."""
-    headings = len(agreement)
-    around = np.arange(-_APART, _APART + 1)
-    for near in (heading + around) % headings:
-        # The headings beside it may count shifts from a target turned otherwise.
-        quarters = heading * 4 // headings - int(near) * 4 // headings
-        x, y = _quarter_turned(i, j, quarters)
-        agreement[near, (x + around[:, None]) % _SIDE, (y + around) % _SIDE] = -np.inf
+def _suppress(correlation: _Grids, heading: int, i: int, j: int) -> None:
+    """Set a peak and its neighbours in heading and translation to minus infinity."""
+    headings = len(correlation)
+    offsets = np.arange(-_SUPPRESSION_RADIUS, _SUPPRESSION_RADIUS + 1)
+    for near in (heading + offsets) % headings:
+        # Adjacent headings of another quadrant refer to a target rotated differently.
+        quadrants = heading * 4 // headings - int(near) * 4 // headings
+        x, y = _rotated_by_right_angles(i, j, quadrants)
+        correlation[near, (x + offsets[:, None]) % _GRID_SIZE, (y + offsets) % _GRID_SIZE] = -np.inf

@@ -1,4 +1,4 @@
-"""A scan seen from above, upright: full columns and open ground."""
+"""BEV grid: a levelled scan as occupied and free cells seen from above."""
 
 from dataclasses import dataclass
 
@@ -13,125 +13,129 @@ from scanlock.kernels.search.bev_grid import column_slots, columns_and_ground
 from scanlock.segmentation.ground.finder import Ground, GroundStatus
 from scanlock.segmentation.segmentation import is_obstacle
 
-_LOW_SHARE = 0.02
-"""Where no ground was found, this share of the points lies beneath the columns: strays."""
+_GROUND_QUANTILE = 0.02
+"""Without a ground, this quantile of z is taken for the ground; points below it are outliers."""
 
-_MOST_SLOTS = 62
-"""Slots are the bits of a whole number."""
+_MAX_HEIGHT_BINS = 62
+"""The height bins of a cell are the bits of one int64."""
 
-_GROUND_COLUMNS = 4
-"""Columns along a side of the cells in which ground heights are averaged."""
+_CELLS_PER_GROUND_CELL = 4
+"""Cells along each side of a ground cell, over which the ground height is averaged."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class BevGrid:
-    """What a scan shows from above, about the z axis through its origin.
+    """The bird's-eye view of a scan, about the z axis of its levelled frame.
 
     Attributes
     ----------
     level_from_scan : Pose
-        Turns the scan upright, with its ground at z = 0.
+        Pose of the scan in its levelled frame: upright, ground at z = 0.
     has_ground : bool
-        Whether a ground says which way is up; else the scan's z axis was taken for it, and a low
-        point for the ground.
-    columns : (k, 2) [m]
-        Middles of the columns in which something stands, level frame.
-    fills : (k,)
-        Share of the height of each column that is full, above 0 and up to 1.
-    open_columns : (m, 2) [m]
-        Middles of the columns in which nothing but ground was seen.
-    ground : (s, s) [m]
-        Mean level z of the ground in square cells, NaN where none was seen; cell (i, j) begins
-        ``i - s / 2`` and ``j - s / 2`` cells from the axis.
-    ground_cell : float [m]
+        Whether a ground defines the levelled frame. Otherwise the z axis of the scan is taken
+        for upwards, and a low quantile of z for the ground.
+    occupied_cells : (k, 2) [m]
+        Centres of the cells with obstacle points, in the levelled frame.
+    occupancy : (k,)
+        Fraction of the height bins of each occupied cell that contain a point, in (0, 1].
+    free_cells : (m, 2) [m]
+        Centres of the cells with ground points only.
+    ground_heights : (s, s) [m]
+        Mean z of the ground in square cells of the levelled frame, NaN if unobserved. Cell (i, j)
+        begins ``i - s / 2`` and ``j - s / 2`` cells from the axis.
+    ground_cell_size : float [m]
         Side of those cells.
     """
 
     level_from_scan: Pose
     has_ground: bool
-    columns: Matrix
-    fills: Vector
-    open_columns: Matrix
-    ground: Matrix
-    ground_cell: float
+    occupied_cells: Matrix
+    occupancy: Vector
+    free_cells: Matrix
+    ground_heights: Matrix
+    ground_cell_size: float
 
     def __post_init__(self) -> None:
-        for array in (self.columns, self.fills, self.open_columns, self.ground):
+        for array in (self.occupied_cells, self.occupancy, self.free_cells, self.ground_heights):
             frozen(array)
 
     @property
-    def reach(self) -> float:
-        """Range within which 95 % of the full columns lie [m]; 0 without any."""
-        if len(self.columns) == 0:
+    def radius(self) -> float:
+        """Horizontal range that contains 95 % of the occupied cells [m]; 0 without any."""
+        if len(self.occupied_cells) == 0:
             return 0.0
-        return float(np.quantile(np.hypot(*self.columns.T), 0.95))
+        return float(np.quantile(np.hypot(*self.occupied_cells.T), 0.95))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class BevGridder:
-    """Settings of the columns.
+class BevProjector:
+    """Settings of the BEV grid.
 
-    How much of a column is full tells a trunk or a wall from a kerb or a crown, whichever part
-    of it was seen; the number of points would tell how far away it was.
+    The occupancy of a cell is the fraction of its height bins that contain a point. It
+    distinguishes a trunk or a wall from a kerb or a crown. The number of points would mostly
+    depend on the range.
     """
 
     max_range: float = 60.0
-    """Points beyond this horizontal range are left out [m]."""
+    """Maximum horizontal range of the points [m]."""
 
-    width: float = 0.5
-    """Side of a column [m]."""
+    cell_size: float = 0.5
+    """Side of a cell [m]."""
 
-    slot: float = 0.5
-    """Height of a slot [m]; a slot is full when a point lies in it."""
+    bin_height: float = 0.5
+    """Height of a height bin [m]."""
 
-    slots: int = 8
-    """Slots of a column. What is higher counts in the last: tops of trees tell little."""
+    height_bins: int = 8
+    """Number of height bins of a cell. Higher points count in the top bin: tree tops differ
+    between views."""
 
     def __post_init__(self) -> None:
-        require_positive("width", self.width, unit="m")
-        require_positive("slot", self.slot, unit="m")
-        require_count("slots", self.slots, 1)
-        if self.slots > _MOST_SLOTS:
-            raise InvalidInput(f"slots must be at most {_MOST_SLOTS}, got {self.slots}")
+        require_positive("cell_size", self.cell_size, unit="m")
+        require_positive("bin_height", self.bin_height, unit="m")
+        require_count("height_bins", self.height_bins, 1)
+        if self.height_bins > _MAX_HEIGHT_BINS:
+            raise InvalidInput(
+                f"height_bins must be at most {_MAX_HEIGHT_BINS}, got {self.height_bins}"
+            )
         require_positive("max_range", self.max_range, unit="m")
 
-    def view(self, cloud: PointCloud, ground: Ground) -> BevGrid:
-        """Return the view of a cloud whose ground is known, or known to be none."""
+    def project(self, cloud: PointCloud, ground: Ground) -> BevGrid:
+        """Compute the BEV grid of a cloud from the result of its ground segmentation."""
         level_from_scan = level_pose(cloud, ground)
-        blocks = max(1, round(self.max_range / (_GROUND_COLUMNS * self.width)))
-        reach = blocks * _GROUND_COLUMNS
+        ground_cell_size = _CELLS_PER_GROUND_CELL * self.cell_size
+        half_side = max(1, round(self.max_range / ground_cell_size)) * _CELLS_PER_GROUND_CELL
         filled, ground_sums = column_slots(
             cloud.points,
             ground.height,
             read_only(is_obstacle(cloud, ground)),
             ground.is_ground,
             read_only(np.column_stack([level_from_scan.rotation, level_from_scan.translation])),
-            reach,
-            self.width,
-            self.slot,
-            self.slots,
+            half_side,
+            self.cell_size,
+            self.bin_height,
+            self.height_bins,
         )
-        columns, slots, open_columns, ground_heights = columns_and_ground(
-            read_only(filled), read_only(ground_sums), self.width, _GROUND_COLUMNS
+        occupied_cells, bin_counts, free_cells, ground_heights = columns_and_ground(
+            read_only(filled), read_only(ground_sums), self.cell_size, _CELLS_PER_GROUND_CELL
         )
         return BevGrid(
-            level_from_scan,
-            ground.status is not GroundStatus.NONE,
-            columns,
-            slots / self.slots,
-            open_columns,
-            ground_heights,
-            _GROUND_COLUMNS * self.width,
+            level_from_scan=level_from_scan,
+            has_ground=ground.status is not GroundStatus.NONE,
+            occupied_cells=occupied_cells,
+            occupancy=bin_counts / self.height_bins,
+            free_cells=free_cells,
+            ground_heights=ground_heights,
+            ground_cell_size=ground_cell_size,
         )
 
 
 def level_pose(cloud: PointCloud, ground: Ground) -> Pose:
-    """Return the pose that turns a cloud upright and puts its ground at z = 0.
+    """Return the pose of a cloud in its levelled frame: upright, ground at z = 0.
 
-    Where no ground was found, z is taken to point upwards, and the lowest points, but for a
-    few, to be the ground.
+    Without a ground, z is assumed to point upwards, and the second percentile of z is assumed to
+    be the ground.
     """
     if ground.status is GroundStatus.NONE:
-        low = float(np.quantile(cloud.points[:, 2], _LOW_SHARE))
+        low = float(np.quantile(cloud.points[:, 2], _GROUND_QUANTILE))
         return Pose(np.eye(3), np.array([0.0, 0.0, -low]))
     return Pose(rotation_onto_z(ground.up), np.array([0.0, 0.0, ground.plane[3]]))

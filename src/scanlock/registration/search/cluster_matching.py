@@ -1,8 +1,9 @@
-"""Pose hypotheses from clusters that look alike and stand alike to each other.
+"""Cluster matching: pose hypotheses from pairwise consistent matches of clusters.
 
-The clusters of SGC-NDT as features for the initial alignment, which Das et al. 2013 leave for
-later. Matches of single clusters are mostly wrong; the right ones agree with each other about
-distances, heights and headings, so large sets of matches that all agree are hardly ever wrong.
+Das et al. 2013 leave the initial alignment by cluster features for future work; Qiao et al. 2023
+(G3Reg) do it with ellipsoids and cliques. Most single matches are wrong. Correct ones are
+consistent with each other in distances, heights and headings, so large cliques of consistent
+matches are hardly ever wrong.
 """
 
 import math
@@ -29,32 +30,41 @@ from scanlock.kernels.search.compatibility import (
 )
 from scanlock.models.gaussians import Gaussians
 from scanlock.registration.search.cluster_features import ClusterFeatures
-from scanlock.registration.search.hypothesis import Hypothesis, distinct
+from scanlock.registration.search.hypothesis import Hypothesis, distinct_rows
 
-_STANCE_TOLERANCES = np.array([0.4, 0.3, 2.0, 3.0])
-"""Of `ClusterFeatures.stances`; heights change with the slope of the ground."""
+_VERTICAL_TOLERANCES = np.array([0.4, 0.3, 2.0, 3.0])
+"""Tolerances of `ClusterFeatures.vertical_features`; heights change with the slope of the
+ground."""
 
-_MOST_UNLIKE = 9.0
-"""Parts whose squared differences, in tolerances, sum to more are never matched."""
+_MAX_DISSIMILARITY = 9.0
+"""Maximum sum of squared feature differences, in tolerances, of two matched clusters."""
 
-_SOFTNESS = 1.5
-"""Likeness falls off by this many tolerances when poses are compared: a wrong likeness costs a
-count there, where it costs a match before."""
+_AFFINITY_DEVIATION = 1.5
+"""Standard deviation of the affinity over the feature difference, in tolerances. It is wider than
+the tolerances: in the overlap a wrong affinity changes one term only."""
 
-_LARGEST_SET = 64
-"""Agreeing matches beyond these add nothing to a pose that is only a start."""
+_MAX_CLIQUE_SIZE = 64
+"""Maximum number of matches in a clique; a coarse pose needs no more."""
 
-_ROTATION_SCALE = 6.0
-"""Length [m] of the posts up and down that are added to the pairs of two level scans: a tilt
-must be worth the effort of turning them."""
+_VERTICAL_OFFSET = 6.0
+"""Offset [m] above and below the centroid of two virtual correspondences between level scans.
+They regularise roll and pitch."""
 
-_DISTINCT = (1.0, math.radians(5.0))
-"""Poses nearer than this [m] and [rad] are one hypothesis."""
+_MIN_SEPARATION = (1.0, math.radians(5.0))
+"""Minimum difference in translation [m] or rotation [rad] between two hypotheses."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class _Matches:
-    """Rows of target and source that may be the same part, and how alike all parts are."""
+    """Candidate matches of clusters.
+
+    Attributes
+    ----------
+    target, source : (m,)
+        Rows of the matched clusters.
+    affinities : (source clusters, target clusters)
+        Similarity of any two clusters, 0 to 1.
+    """
 
     target: Labels
     source: Labels
@@ -63,153 +73,177 @@ class _Matches:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClusterMatcher:
-    """Settings of the matching; `describe` each scan once, then `hypotheses` for any pair."""
+    """Settings of the matching: `describe` each scan once, then `hypotheses` of any pair."""
 
     nearest: int = 10
-    """Two parts match if each is among this many of the other's most alike."""
+    """Two clusters match if each is among this number of nearest neighbours of the other in
+    feature space."""
 
     max_matches: int = 1000
-    """How many matches are compared with each other, the most alike; the cost is the square."""
+    """Maximum number of matches, most similar first; the cost is quadratic."""
 
     shape_tolerance: float = 0.4
-    """Difference of the logarithms of deviations between two views of one part."""
+    """Tolerance of the logarithm of a principal deviation between two views."""
 
     distance_tolerance: float = 0.4
-    """By how much the distance of two centres may change between views [m]."""
+    """Tolerance of the distance between two cluster centres between views [m]."""
 
-    slack: float = 0.15
-    """Share of a part's variance that is added to the square of that tolerance, along each
-    direction: the centres of large parts slide with what is seen of them."""
+    centre_variance_ratio: float = 0.15
+    """Variance of a cluster's centre between views as a fraction of the cluster's covariance. The
+    centre of a large cluster depends on the observed part."""
 
     slope_tolerance: float = 0.1
-    """Difference of heights per distance between two level scans: each is level by the ground
-    around it."""
+    """Tolerance of a height difference per distance between two level scans: each is levelled by
+    the ground around it."""
 
     angle_tolerance: float = 0.15
-    """By how much the axes of parts may turn between views [rad]."""
+    """Tolerance of the axis of a cluster between views [rad]."""
 
     min_distance: float = 2.0
-    """Parts nearer to each other than this say nothing about a heading [m]."""
+    """Minimum distance between the clusters of two compared matches [m]; closer ones do not
+    constrain the heading."""
 
-    grades: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Sums of squared misfits, in tolerances, up to which two matches agree, ascending; each
-    grade gives its own sets."""
+    consistency_thresholds: tuple[float, ...] = (1.0, 2.0, 4.0)
+    """Maximum sums of squared misfits, in tolerances, of two consistent matches, ascending. Each
+    threshold defines a compatibility graph with its own cliques."""
 
-    sets_per_grade: int = 8
-    """How many sets of agreeing matches are tried at each grade."""
+    max_cliques: int = 8
+    """Maximum number of cliques of each compatibility graph."""
 
-    overlap_width: float = 1.0
-    """How near two parts come when they meet, a deviation [m]."""
+    overlap_deviation: float = 1.0
+    """Standard deviation of the distance of overlapping clusters in the score of a pose [m]."""
 
     max_hypotheses: int = 8
-    """How many hypotheses, at most."""
+    """Maximum number of hypotheses."""
 
     def __post_init__(self) -> None:
-        for name in ("nearest", "max_matches", "sets_per_grade", "max_hypotheses"):
+        for name in ("nearest", "max_matches", "max_cliques", "max_hypotheses"):
             require_count(name, getattr(self, name))
         for name, unit in (
             ("shape_tolerance", ""),
             ("distance_tolerance", "m"),
             ("angle_tolerance", "rad"),
-            ("overlap_width", "m"),
+            ("overlap_deviation", "m"),
         ):
             require_positive(name, getattr(self, name), unit)
-        require_fraction("slack", self.slack)
+        require_fraction("centre_variance_ratio", self.centre_variance_ratio)
         require_at_least("slope_tolerance", self.slope_tolerance, 0.0)
         require_positive("min_distance", self.min_distance, unit="m")
-        for grade in self.grades:
-            require_positive("grades", grade)
-        if not self.grades or list(self.grades) != sorted(self.grades):
-            raise InvalidInput(f"grades must be ascending and not empty, got {self.grades}")
+        thresholds = self.consistency_thresholds
+        for threshold in thresholds:
+            require_positive("consistency_thresholds", threshold)
+        if not thresholds or list(thresholds) != sorted(thresholds):
+            raise InvalidInput(
+                f"consistency_thresholds must be ascending and not empty, got {thresholds}"
+            )
 
     def describe(self, gaussians: Gaussians, level_from_scan: Pose | None) -> ClusterFeatures:
-        """Return what the matching needs of a scan.
+        """Compute the features of the clusters of a scan.
 
         Parameters
         ----------
         gaussians : Gaussians
-            Its clusters, in its own frame.
+            The clusters, in the frame of the scan.
         level_from_scan : Pose or None
-            Turns the scan upright with the ground at z = 0; None where no ground was found.
+            Pose of the scan in its levelled frame; None if no ground was found.
         """
-        return ClusterFeatures.of(gaussians, level_from_scan)
+        return ClusterFeatures.from_gaussians(gaussians, level_from_scan)
 
     def hypotheses(self, target: ClusterFeatures, source: ClusterFeatures) -> list[Hypothesis]:
-        """Return the poses at which most clusters meet their like, best first.
+        """Return the poses of the cliques, best first.
 
-        Heights and headings help where both scans are level; else any tilt is found. The weight
-        is the number of parts that meet, times the root of the number of agreeing matches that
-        led there. None where no three matches agree.
+        Between two level scans heights and headings are compared too; otherwise the search is
+        invariant to rotations. The score is the soft number of overlapping similar clusters times
+        the root of the clique size. The list is empty if no three matches are consistent.
         """
         if len(target) == 0 or len(source) == 0:
             return []
         is_level = target.level_from_scan is not None and source.level_from_scan is not None
         matches = self._matches(target, source, is_level)
-        found: list[tuple[float, Pose]] = []
-        for members in self._sets(target, source, matches, is_level):
-            pose = _fitted(
-                target.centres[matches.target[members]],
-                source.centres[matches.source[members]],
+        scored: list[tuple[float, Pose]] = []
+        for clique in self._cliques(target, source, matches, is_level):
+            pose = _estimate_pose(
+                target.centres[matches.target[clique]],
+                source.centres[matches.source[clique]],
                 is_level,
             )
             if pose is not None:
-                meeting = soft_overlap(
-                    target.centres,
-                    read_only(pose.apply(source.centres)),
-                    matches.affinities,
-                    self.overlap_width,
-                )
-                found.append((meeting * math.sqrt(len(members)), pose))
-        found.sort(key=lambda one: one[0], reverse=True)
-        rows = distinct([pose for _, pose in found], *_DISTINCT)[: self.max_hypotheses]
+                score = self._overlap(target, source, matches, pose) * math.sqrt(len(clique))
+                scored.append((score, pose))
+        scored.sort(key=lambda one: one[0], reverse=True)
+        rows = distinct_rows([pose for _, pose in scored], *_MIN_SEPARATION)
         return [
-            Hypothesis(_between_scans(target, source, pose), weight, "cluster matching")
-            for weight, pose in (found[row] for row in rows)
+            Hypothesis(
+                pose=_between_scans(target, source, pose),
+                score=score,
+                proposed_by="cluster matching",
+            )
+            for score, pose in (scored[row] for row in rows[: self.max_hypotheses])
         ]
+
+    def _overlap(
+        self, target: ClusterFeatures, source: ClusterFeatures, matches: _Matches, pose: Pose
+    ) -> float:
+        """Return the soft number of source clusters that overlap a similar target cluster."""
+        return soft_overlap(
+            target.centres,
+            read_only(pose.apply(source.centres)),
+            matches.affinities,
+            self.overlap_deviation,
+        )
 
     def _matches(
         self, target: ClusterFeatures, source: ClusterFeatures, is_level: bool
     ) -> _Matches:
-        """Return the mutual best matches within each kind, the most alike of them."""
-        from scipy.spatial.distance import cdist  # takes longer to import than it works
+        """Return the mutual nearest neighbours in feature space of each kind."""
+        from scipy.spatial.distance import cdist  # slow to import
 
-        source_descriptors = self._descriptors(source, is_level)
-        target_descriptors = self._descriptors(target, is_level)
-        unlikeness = np.asarray(
-            cdist(source_descriptors, target_descriptors, "sqeuclidean"), dtype=np.float64
+        dissimilarity = np.asarray(
+            cdist(
+                self._feature_vectors(source, is_level),
+                self._feature_vectors(target, is_level),
+                "sqeuclidean",
+            ),
+            dtype=np.float64,
         )
-        unlikeness[source.kinds[:, None] != target.kinds] = np.inf
-        is_match = _mutually_near(unlikeness, self.nearest) & (unlikeness <= _MOST_UNLIKE)
+        dissimilarity[source.kinds[:, None] != target.kinds] = np.inf
+        is_match = _mutual_neighbours(dissimilarity, self.nearest)
+        is_match &= dissimilarity <= _MAX_DISSIMILARITY
         rows, columns = np.nonzero(is_match)
         if len(rows) > self.max_matches:
-            order = np.argsort(unlikeness[rows, columns], kind="stable")[: self.max_matches]
+            order = np.argsort(dissimilarity[rows, columns], kind="stable")[: self.max_matches]
             rows, columns = rows[order], columns[order]
-        affinities = np.exp(-0.5 / _SOFTNESS**2 * unlikeness)
-        return _Matches(columns, rows, read_only(affinities))
+        affinities = np.exp(-0.5 / _AFFINITY_DEVIATION**2 * dissimilarity)
+        return _Matches(target=columns, source=rows, affinities=read_only(affinities))
 
-    def _descriptors(self, features: ClusterFeatures, is_level: bool) -> Matrix:
-        shapes = features.shapes / self.shape_tolerance
+    def _feature_vectors(self, features: ClusterFeatures, is_level: bool) -> Matrix:
+        """Return the feature vector of each cluster in units of the tolerances."""
+        shapes = features.log_deviations / self.shape_tolerance
         if not is_level:
             return shapes
-        return np.concatenate([shapes, features.stances / _STANCE_TOLERANCES], axis=1)
+        return np.concatenate([shapes, features.vertical_features / _VERTICAL_TOLERANCES], axis=1)
 
-    def _sets(
+    def _cliques(
         self, target: ClusterFeatures, source: ClusterFeatures, matches: _Matches, is_level: bool
     ) -> list[Labels]:
-        """Return sets of matches that all agree with each other, from each grade."""
-        sets: list[Labels] = []
-        for graph in self._graphs(target, source, matches, is_level):
-            pairs, shared = shared_neighbours(read_only(graph))
+        """Grow cliques greedily in the compatibility graph of each consistency threshold.
+
+        Starts from the consistent pairs of matches that share the most neighbours.
+        """
+        cliques: list[Labels] = []
+        for graph in self._compatibility_graphs(target, source, matches, is_level):
+            edges, shared = shared_neighbours(read_only(graph))
             order = np.argsort(-shared, kind="stable")
             grown = grown_sets(
-                read_only(graph), read_only(pairs[order]), self.sets_per_grade, _LARGEST_SET
+                read_only(graph), read_only(edges[order]), self.max_cliques, _MAX_CLIQUE_SIZE
             )
-            sets += [row[row >= 0] for row in grown]
-        return sets
+            cliques += [row[row >= 0] for row in grown]
+        return cliques
 
-    def _graphs(
+    def _compatibility_graphs(
         self, target: ClusterFeatures, source: ClusterFeatures, matches: _Matches, is_level: bool
     ) -> NDArray[np.uint64]:
+        """Return the graph of consistent matches of each threshold, as bits of words."""
         at, of = matches.target, matches.source
         tolerances = np.array(
             [
@@ -219,52 +253,52 @@ class ClusterMatcher:
                 self.min_distance,
             ]
         )
-        grades = np.array(self.grades)
-        parts = (
+        thresholds = np.array(self.consistency_thresholds)
+        clusters = (
             read_only(target.centres[at]),
             read_only(source.centres[of]),
-            read_only(self.slack * target.spreads[at]),
-            read_only(self.slack * source.spreads[of]),
+            read_only(self.centre_variance_ratio * target.covariances[at]),
+            read_only(self.centre_variance_ratio * source.covariances[of]),
         )
         if is_level:
-            turns = _turns(target.headings[at], source.headings[of])
+            turns = _doubled_turns(target.headings[at], source.headings[of])
             return level_compatibility(
-                *parts, read_only(turns), read_only(tolerances), read_only(grades)
+                *clusters, read_only(turns), read_only(tolerances), read_only(thresholds)
             )
         axes = read_only(target.axes[at]), read_only(source.axes[of])
-        return free_compatibility(*parts, *axes, read_only(tolerances), read_only(grades))
+        return free_compatibility(*clusters, *axes, read_only(tolerances), read_only(thresholds))
 
 
-def _mutually_near(distances: Matrix, nearest: int) -> NDArray[np.bool_]:
-    """Tell which entries are among the `nearest` least of both their row and their column."""
-    least = [
-        np.partition(distances, min(nearest, distances.shape[axis]) - 1, axis=axis).take(
-            [min(nearest, distances.shape[axis]) - 1], axis=axis
+def _mutual_neighbours(distances: Matrix, count: int) -> NDArray[np.bool_]:
+    """Return which entries are among the `count` smallest of both their row and their column."""
+    limits = [
+        np.partition(distances, min(count, distances.shape[axis]) - 1, axis=axis).take(
+            [min(count, distances.shape[axis]) - 1], axis=axis
         )
         for axis in (0, 1)
     ]
-    return (distances <= least[0]) & (distances <= least[1])
+    return (distances <= limits[0]) & (distances <= limits[1])
 
 
-def _turns(target: Matrix, source: Matrix) -> Matrix:
-    """Return cosine and sine of twice the turns from source to target headings."""
+def _doubled_turns(target: Matrix, source: Matrix) -> Matrix:
+    """Return cosine and sine of twice the angle from source to target headings."""
     cosines = (target * source).sum(axis=1)
     sines = target[:, 1] * source[:, 0] - target[:, 0] * source[:, 1]
     return np.stack([cosines, sines], axis=1)
 
 
-def _fitted(target: Points, source: Points, is_level: bool) -> Pose | None:
-    """Return the pose that carries the source centres onto those of the target."""
+def _estimate_pose(target: Points, source: Points, is_level: bool) -> Pose | None:
+    """Estimate the pose between corresponding centres in closed form; None on a line."""
     if is_level:
-        posts: Vector = np.array([[0.0, 0.0, _ROTATION_SCALE], [0.0, 0.0, -_ROTATION_SCALE]])
-        target = np.concatenate([target, target.mean(axis=0) + posts])
-        source = np.concatenate([source, source.mean(axis=0) + posts])
+        offsets: Vector = np.array([[0.0, 0.0, _VERTICAL_OFFSET], [0.0, 0.0, -_VERTICAL_OFFSET]])
+        target = np.concatenate([target, target.mean(axis=0) + offsets])
+        source = np.concatenate([source, source.mean(axis=0) + offsets])
     moments = PairMoments.of(target, source)
     return moments.by_singular_values() if moments.constrains_rotation else None
 
 
 def _between_scans(target: ClusterFeatures, source: ClusterFeatures, pose: Pose) -> Pose:
-    """Return target_from_source between scan frames of a pose between the features' frames."""
+    """Return a pose between the frames of the features as one between the frames of the scans."""
     if target.level_from_scan is not None:
         pose = target.level_from_scan.inverse() @ pose
     return pose if source.level_from_scan is None else pose @ source.level_from_scan

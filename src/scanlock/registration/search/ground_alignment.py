@@ -1,7 +1,7 @@
-"""Height, roll and pitch of a hypothesis from the ground that both scans saw.
+"""Ground alignment: height, roll and pitch of a hypothesis from the ground of both scans.
 
-Each scan was levelled by its own ground. On a slope, or where the ground rolls, the two grounds
-are not one plane: what both saw of it, between the two places, settles how they lie.
+Each scan is levelled by its own ground. On slopes and rolling ground the two levelled frames
+differ. A robust fit of a plane to the height differences over the shared ground corrects that.
 """
 
 import math
@@ -14,54 +14,68 @@ from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.ground_overlap import ground_gaps, plane_sums
 from scanlock.registration.search.bev_grid import BevGrid
 
-_LEAST_CELLS = 12
-"""Shared cells that hold three numbers firmly."""
+_MIN_CELLS = 12
+"""Minimum number of shared ground cells for a plane with three parameters."""
 
-_LEAST_SPREAD = 3.0
-"""Standard deviation [m] that shared cells must have along both their axes to tell a tilt."""
+_MIN_DEVIATION = 3.0
+"""Minimum standard deviation of the shared cells along either principal axis [m]; a narrower
+overlap does not constrain roll and pitch."""
 
-_OUTLIER = 0.3
-"""A difference in height this far off the fit [m] counts a quarter: a hypothesis is not exact,
-and kerbs and banks then lie beside each other."""
+_RESIDUAL_SCALE = 0.3
+"""Residual with a weight of a quarter [m]. A hypothesis is inexact: at kerbs and banks it compares
+different ground."""
 
-_ROUNDS = 6
-"""Reweighted least squares; a tilt of 15 degrees takes three."""
+_MAX_ITERATIONS = 6
+"""Maximum number of reweighted least-squares steps; a tilt of 15 degrees takes three."""
 
-_SETTLED = 1e-3
-"""A step in height [m] and slope [1] below which the rest is left to the descents."""
+_STEP_TOLERANCE = 1e-3
+"""Step in height [m] and slope [1] at convergence; the refinement does the rest."""
 
 
-def ground_fitted(target: BevGrid, source: BevGrid, pose: Pose) -> Pose:
-    """Return a hypothesis with the grounds of both scans laid onto each other.
+def align_grounds(target: BevGrid, source: BevGrid, pose: Pose) -> Pose:
+    """Correct height, roll and pitch of a hypothesis by the ground that both scans observed.
 
-    Heading and place stay. Where either scan has no ground, or they share too little of it, the
-    pose comes back as it was.
+    Heading and horizontal translation stay. The pose is returned unchanged if a scan has no
+    ground, or if the shared ground is too small.
     """
     if not (target.has_ground and source.has_ground):
         return pose
     level = target.level_from_scan @ pose @ source.level_from_scan.inverse()
-    grids = read_only(target.ground), target.ground_cell, read_only(source.ground)
-    for attempt in range(_ROUNDS):
-        gaps = ground_gaps(*grids, source.ground_cell, level.rotation, level.translation)
-        # All cells count alike until they have been laid onto each other once.
-        fit = _plane_through(read_only(gaps), _OUTLIER if attempt > 0 else math.inf)
-        if fit is None:
+    target_ground, source_ground = (read_only(grid.ground_heights) for grid in (target, source))
+    for iteration in range(_MAX_ITERATIONS):
+        differences = ground_gaps(
+            target_ground,
+            target.ground_cell_size,
+            source_ground,
+            source.ground_cell_size,
+            level.rotation,
+            level.translation,
+        )
+        # The first step is not robust: at first all differences may exceed the scale.
+        scale = _RESIDUAL_SCALE if iteration > 0 else math.inf
+        plane = _fit_plane(read_only(differences), scale)
+        if plane is None:
             return pose
-        rise, slopes = fit
-        turn = exp_rotation(np.array([slopes[1], -slopes[0], 0.0]))
-        level = Pose(turn @ level.rotation, level.translation + np.array([0.0, 0.0, rise]))
-        if abs(rise) < _SETTLED and np.abs(slopes).max() < _SETTLED:
+        height, slopes = plane
+        rotation = exp_rotation(np.array([slopes[1], -slopes[0], 0.0]))
+        level = Pose(rotation @ level.rotation, level.translation + np.array([0.0, 0.0, height]))
+        if abs(height) < _STEP_TOLERANCE and np.abs(slopes).max() < _STEP_TOLERANCE:
             break
     return target.level_from_scan.inverse() @ level @ source.level_from_scan
 
 
-def _plane_through(gaps: Matrix, scale: float) -> tuple[float, Vector] | None:
-    """Return the rise of the axis [m] and its (2,) slopes; None where they are not held."""
-    (count, x, y, xx, xy, yy), weighted = plane_sums(gaps, scale)
-    if count < _LEAST_CELLS:
+def _fit_plane(differences: Matrix, scale: float) -> tuple[float, Vector] | None:
+    """Fit a plane to the height differences of `ground_gaps`.
+
+    Returns its height at the axis [m] and its (2,) slopes; None if they are not constrained.
+    """
+    (count, x, y, xx, xy, yy), weighted = plane_sums(differences, scale)
+    if count < _MIN_CELLS:
         return None
-    spread = np.array([[xx - x * x / count, xy - x * y / count], [0.0, yy - y * y / count]]) / count
-    if np.linalg.eigvalsh(spread, UPLO="U")[0] < _LEAST_SPREAD**2:
+    covariance = (
+        np.array([[xx - x * x / count, xy - x * y / count], [0.0, yy - y * y / count]]) / count
+    )
+    if np.linalg.eigvalsh(covariance, UPLO="U")[0] < _MIN_DEVIATION**2:
         return None
     w, wx, wy, wxx, wxy, wyy = weighted[:6]
     normal = np.array([[w, wx, wy], [wx, wxx, wxy], [wy, wxy, wyy]])

@@ -1,4 +1,4 @@
-"""A guess at the pose between two scans, before anything is minimised."""
+"""A hypothesis: a coarse pose between two scans, proposed without an initial pose."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,32 +6,35 @@ from dataclasses import dataclass
 from scanlock.geometry.pose import Pose
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Hypothesis:
-    """Where the source may lie.
+    """A pose to be refined.
 
     Attributes
     ----------
     pose : Pose
         target_from_source, between the local frames of the clouds.
-    weight : float
-        How strongly its maker believes in it; comparable within one maker only.
-    maker : str
-        What proposed it: "heading search", "cluster matching" or "prior".
+    score : float
+        Score of the search that proposed it; comparable within one search only.
+    proposed_by : str
+        Its origin: "BEV correlation", "cluster matching" or "prior".
     """
 
     pose: Pose
-    weight: float
+    score: float
     proposed_by: str
 
 
-def distinct(poses: Sequence[Pose], metres: float, radians: float) -> list[int]:
-    """Return the rows of the poses that lie apart from every one kept before them.
+def distinct_rows(poses: Sequence[Pose], translation: float, rotation: float) -> list[int]:
+    """Return the rows of the poses that differ from all poses selected before them.
 
-    Two poses lie apart beyond either distance [m, rad].
+    Two poses differ if they are farther apart than `translation` [m] or `rotation` [rad].
     """
-    kept: list[int] = []
+    selected: list[int] = []
     for row, pose in enumerate(poses):
-        if not any(pose.is_close(poses[one], translation=metres, rotation=radians) for one in kept):
-            kept.append(row)
-    return kept
+        if not any(
+            pose.is_close(poses[one], translation=translation, rotation=rotation)
+            for one in selected
+        ):
+            selected.append(row)
+    return selected

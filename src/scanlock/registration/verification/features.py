@@ -102,4 +102,4 @@ def features_from_clusters(
 
 def extract_features(cloud: PointCloud) -> VerificationFeatures:
     """Extract the features of a scan, for methods that do not cluster it."""
-    return features_from_clusters(_EXTRACTOR.find(cloud, [_MAX_RADIUS]))
+    return features_from_clusters(_EXTRACTOR.extract(cloud, [_MAX_RADIUS]))

@@ -11,48 +11,48 @@ from scanlock.models.gaussians import Gaussians
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.simulation import scan_pair
 
-_STAGE = FineNdt()
+_FINE = FineNdt()
 
 
-def _prepared(points, stage=_STAGE):
-    return stage.prepare(PointCloud.from_array(points))
+def _prepared(points, fine=_FINE):
+    return fine.prepare(PointCloud.from_array(points))
 
 
-def test_simulated_scans_are_locked_to_millimetres():
+def test_simulated_scans_are_registered_to_millimetres():
     pair = scan_pair("street", "hdl_64e", 3, baseline=(1.0, 1.5))
     truth = pair.target_from_source
     start = yaw_pose(0.01, (0.15, -0.1, 0.05)) @ truth
-    found = _STAGE.align(_prepared(pair.target.points), _prepared(pair.source.points), start)
+    found = _FINE.align(_prepared(pair.target.points), _prepared(pair.source.points), start)
     metres, radians = found.pose.distance(truth)
     assert metres < 0.006
     assert math.degrees(radians) < 0.02
 
 
-def test_a_sparse_scan_gets_larger_cells_and_a_pair_the_larger_of_both():
+def test_a_sparse_scan_has_larger_cells_and_a_pair_the_larger_of_both():
     rng = np.random.default_rng(0)
     dense = street(1, count=60000)
     sparse = dense[rng.random(len(dense)) < 0.12]
-    stays, moves = _prepared(dense), _prepared(sparse)
-    assert stays.width == 1.0
-    assert moves.width > stays.width
+    target, source = _prepared(dense), _prepared(sparse)
+    assert target.cell_size == 1.0
+    assert source.cell_size > target.cell_size
     start = yaw_pose(0.01, (0.2, -0.1, 0.05))
-    found = _STAGE.align(stays, moves, start)
+    found = _FINE.align(target, source, start)
     assert found.pose.is_close(Pose.identity(), translation=0.03, rotation=math.radians(0.1))
-    other = _STAGE.align(moves, stays, start.inverse())
+    other = _FINE.align(source, target, start.inverse())
     assert (found.pose @ other.pose).is_close(
         Pose.identity(), translation=0.01, rotation=math.radians(0.05)
     )
 
 
-def test_three_grids_give_thrice_the_cells():
+def test_three_grids_give_three_times_the_cells():
     scan = street(1, count=20000)
     single = _prepared(scan, FineNdt(offsets=(0.0,)))
     triple = _prepared(scan)
-    assert triple.width == single.width
+    assert triple.cell_size == single.cell_size
     assert 2.5 < len(triple.gaussians) / len(single.gaussians) < 3.5
 
 
-def test_joined_gaussians_are_those_of_the_parts_in_their_order():
+def test_joined_gaussians_keep_their_order():
     parts = [_prepared(street(k)).gaussians for k in (1, 2)]
     both = Gaussians.joined(parts)
     np.testing.assert_array_equal(both.means[len(parts[0]) :], parts[1].means)
@@ -63,12 +63,13 @@ def test_joined_gaussians_are_those_of_the_parts_in_their_order():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"widths": ()}, "widths must not grow"),
-        ({"widths": (2.0, 1.0)}, "widths must not grow"),
-        ({"offsets": ()}, "offsets must be"),
+        ({"cell_sizes": ()}, "cell_sizes must be ascending and not empty"),
+        ({"cell_sizes": (2.0, 1.0)}, "cell_sizes must be ascending and not empty"),
+        ({"cell_sizes": (0.0, 1.0)}, "cell_sizes must be positive, got 0.0 m"),
+        ({"offsets": ()}, "offsets must not be empty"),
         ({"weight_power": -1.0}, "weight_power must be"),
-        ({"shapes": ()}, "shapes must be"),
-        ({"loose_step": 0.0}, "loose_step must be"),
+        ({"shapes": ()}, "shapes must not be empty"),
+        ({"coarse_tolerance": 0.0}, "coarse_tolerance must be"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings, message):
