@@ -43,10 +43,11 @@ def test_what_a_laz_file_cannot_hold_is_refused_before_room_is_made(name, messag
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits memory as Linux does")
 def test_thousands_of_damaged_files_do_no_harm(tmp_path):
-    command = [sys.executable, _ROOT / "benchmarks" / "fuzz_readers.py", "--inputs", "4400"]
+    command = [sys.executable, "-m", "benchmarks.io.fuzz_readers", "--inputs", "4400"]
     done = subprocess.run(
-        [*command, "--seed", "7", "--keep", tmp_path], capture_output=True, text=True, check=False
-    )
+        [*command, "--seed", "7", "--keep", tmp_path],
+        cwd=_ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("| none |") == 22
 

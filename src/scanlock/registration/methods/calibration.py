@@ -23,11 +23,11 @@ def covariance_factor(method: Any) -> float:
     """Return the factor of the deviations of a method; 1 for one that was never measured.
 
     The root of a sixth of the mean squared error, over the covariance that the scatter tells, of
-    simulated streets, forests and rugged ground, 1 to 5 m apart; ``benchmarks/uncertainty.py
-    --calibrate`` measures it. All parts of a scan are seen from one side and drawn by one pattern
-    of rings, and what follows from that all units share. Closest points follow the rings of either
-    scan: pairs of them err together most, and the distance from point to point, which they make
-    small by shifting along a surface, most of all.
+    simulated streets, forests and rugged ground, 1 to 5 m apart;
+    ``benchmarks/uncertainty/covariance.py --calibrate`` measures it. All parts of a scan are seen
+    from one side and drawn by one pattern of rings, and what follows from that all units share.
+    Closest points follow the rings of either scan: pairs of them err together most, and the
+    distance from point to point, which they make small by shifting along a surface, most of all.
     """
     match method:
         case Auto():

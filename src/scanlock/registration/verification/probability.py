@@ -1,8 +1,8 @@
 """How probable it is that a pose is right: a logistic model of a few numbers.
 
 ``probability = 1 / (1 + exp(-(INTERCEPT + sum of WEIGHTS x features)))``. The numbers come from
-``benchmarks/confidence.py``, which fits them to registrations of simulated and of real scans whose
-truth is known, and shows how well they hold on scenes that were left out of the fit.
+``benchmarks/uncertainty/probability.py``, which fits them to registrations of simulated and of real
+scans whose truth is known, and shows how well they hold on scenes that were left out of the fit.
 """
 
 import math
