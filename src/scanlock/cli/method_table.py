@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from scanlock.cli.console import print_table
 
 if TYPE_CHECKING:
-    from scanlock.experiments.pairwise import Limits
+    from scanlock.experiments.pairwise import Tolerance
     from scanlock.pipelines.study import StudyRecord
 
 
 def show_errors(
     records: "Mapping[str, Sequence[StudyRecord]]",
-    limits: "Limits",
+    tolerance: "Tolerance",
     *,
     voxels: Mapping[str, int] | None = None,
 ) -> None:
@@ -24,13 +24,13 @@ def show_errors(
     ----------
     records : mapping of str to sequence of StudyRecord
         By method.
-    limits : Limits
+    tolerance : Tolerance
         Errors below which a pair is solved.
     voxels : mapping of str to int, optional
         Filled voxels of the map, by method.
     """
     heads = ["method", "ok", "solved", "median [m]", "median [deg]", "ms per pair"]
-    rows = [[name, *_row(found, limits)] for name, found in records.items()]
+    rows = [[name, *_row(found, tolerance)] for name, found in records.items()]
     if voxels is not None:
         heads.insert(-1, "voxels")
         for row in rows:
@@ -38,9 +38,9 @@ def show_errors(
     print_table(heads, rows)
 
 
-def _row(records: "Sequence[StudyRecord]", limits: "Limits") -> list[str]:
+def _row(records: "Sequence[StudyRecord]", tolerance: "Tolerance") -> list[str]:
     judged = [record for record in records if not math.isnan(record.translation_error)]
-    solved = sum(limits.hold(record) for record in judged)
+    solved = sum(tolerance.accepts(record) for record in judged)
     return [
         f"{sum(record.ok for record in records)} / {len(records)}",
         f"{solved} / {len(judged)}" if judged else "-",

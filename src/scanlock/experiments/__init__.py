@@ -1,1 +1,1 @@
-"""The papers' experiments, each by one command."""
+"""Experiments of the papers and comparisons on recorded scans, with one command each."""

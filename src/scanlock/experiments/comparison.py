@@ -1,4 +1,4 @@
-"""Methods on scans of one's own: their errors, and how far from the truth they may start."""
+"""Comparison of methods on recorded scans: errors, and basins of convergence."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.experiments.experiment import Findings, Outcome, Section, Watch, unwatched
+from scanlock.experiments.experiment import Findings, Outcome, Progress, Section, no_progress
 from scanlock.experiments.pairwise import (
     ERROR_PANELS,
     SOLVED,
-    Limits,
+    Tolerance,
     error_table,
     pair_table,
 )
@@ -33,75 +33,77 @@ Records = Mapping[str, Sequence[StudyRecord]]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Comparison:
-    """What is compared, and how."""
+    """Methods and pairs of a comparison, with its options."""
 
     methods: Mapping[str, Method[Any]]
-    """By the names they go by."""
+    """Compared methods by name."""
 
     pairs: Sequence[StudyPair]
-    """What each registers, from the identity."""
+    """Pairs, registered from the identity."""
 
     load: Callable[[str], ArrayLike]
-    """Returns the points of a scan by its name."""
+    """Function from the name of a scan to its (n, 3+) points [m]."""
 
     key: str
-    """What decides these points besides the names."""
+    """Identifier of the points, in addition to the names."""
 
     around: AroundTruth | None = None
-    """Further starts about the true pose of each pair that has one; none by default."""
+    """Additional starts around the true pose of each pair; none by default."""
 
-    take_agreed: bool = False
-    """Whether a pose that methods agree upon counts as true where no other is known."""
+    use_consensus: bool = False
+    """Whether a consensus of the methods replaces an unknown true pose."""
 
-    limits: Limits = field(default_factory=lambda: SOLVED)
-    """What counts as solved, and as agreeing."""
+    tolerance: Tolerance = field(default_factory=lambda: SOLVED)
+    """Maximum errors of a solved pair, and maximum differences within a consensus."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Compared:
-    """What came of a comparison.
+class ComparisonResult:
+    """Records of a comparison.
 
     Attributes
     ----------
     pairs : sequence of StudyPair
-        With the poses that were taken for true.
+        Pairs with the true poses of the evaluation.
     direct, around : mapping of str to sequence of StudyRecord
-        Registrations from the identity, and from about the true poses, by method.
-    agreed : int
-        How many of the true poses are what methods agree upon.
+        Registrations from the identity, and from starts around the true poses, by method.
+    consensus_count : int
+        Number of true poses that are a consensus of the methods.
     """
 
     pairs: Sequence[StudyPair]
     direct: Records
     around: Records
-    agreed: int
+    consensus_count: int
 
     @property
-    def judged(self) -> int:
-        """How many pairs have a pose that was taken for true."""
+    def evaluated_count(self) -> int:
+        """Number of pairs with a true pose."""
         return sum(pair.truth is not None for pair in self.pairs)
 
 
-def compare(comparison: Comparison, path: Path, watch: Watch = unwatched) -> Compared:
-    """Register every pair by every method and keep the records in a file.
+def compare(
+    comparison: Comparison, path: Path, progress: Progress = no_progress
+) -> ComparisonResult:
+    """Register every pair by every method and store the records in a file.
 
     Parameters
     ----------
     comparison : Comparison
     path : Path
-        Where records are kept; those of an earlier run are not made again.
-    watch : Watch, optional
-        Is told of every registration.
+        File of the records; registrations of an earlier run are not repeated.
+    progress : Progress, optional
+        Report of the registrations.
     """
     study = Study(methods=comparison.methods, pairs=comparison.pairs, load=comparison.load)
     direct = _grouped(
         comparison,
-        list(watch(stored_records(path, study, comparison.key), len(study), "registering")),
+        list(progress(stored_records(path, study, comparison.key), len(study), "registering")),
     )
-    pairs, agreed = [*comparison.pairs], 0
-    if comparison.take_agreed:
-        pairs = [_with_agreed(comparison, pair, direct) for pair in pairs]
-        agreed = sum(
+    pairs, consensus_count = [*comparison.pairs], 0
+    if comparison.use_consensus:
+        pairs = [_with_consensus(comparison, pair, direct) for pair in pairs]
+        consensus_count = sum(
             new.truth is not old.truth for new, old in zip(pairs, comparison.pairs, strict=True)
         )
         truths = {pair.name: pair.truth for pair in pairs}
@@ -114,45 +116,51 @@ def compare(comparison: Comparison, path: Path, watch: Watch = unwatched) -> Com
     if comparison.around is not None and known:
         study = replace(study, pairs=known, starts=comparison.around)
         records = stored_records(path, study, comparison.key)
-        around = _grouped(comparison, list(watch(records, len(study), "starting far away")))
-    return Compared(pairs, direct, around, agreed)
+        around = _grouped(
+            comparison, list(progress(records, len(study), "starts around the truth"))
+        )
+    return ComparisonResult(pairs, direct, around, consensus_count)
 
 
-def agreed_pose(records: Sequence[StudyRecord], limits: Limits = SOLVED) -> Pose | None:
-    """Return the pose of one pair that most methods agree upon; None where no two do.
+def consensus_pose(records: Sequence[StudyRecord], tolerance: Tolerance = SOLVED) -> Pose | None:
+    """Return the pose of one pair that most methods agree on; None where no two agree.
 
-    Only registrations that are called ok have a say. Of poses that as many agree with, the one
-    with the greatest product of overlap and score is taken.
+    Only registrations with status ok count. Among poses with equal support, the one with the
+    largest product of overlap and score wins.
     """
-    called = [record for record in records if record.ok]
+    accepted = [record for record in records if record.ok]
     best: tuple[int, float] = (0, -math.inf)
     pose: Pose | None = None
-    for record in called:
-        support = sum(_agree(record, other, limits) for other in called if other is not record)
+    for record in accepted:
+        support = sum(_agree(record, other, tolerance) for other in accepted if other is not record)
         rank = (support, record.overlap * record.score)
         if support > 0 and rank > best:
             best, pose = rank, record.pose
     return pose
 
 
-def basins(compared: Compared, plan: AroundTruth, limits: Limits = SOLVED) -> dict[str, Basin]:
-    """Return how often each method solved a pair from each distance and angle."""
+def basins(
+    result: ComparisonResult, plan: AroundTruth, tolerance: Tolerance = SOLVED
+) -> dict[str, Basin]:
+    """Return the solved starts by distance and angle, for each method."""
     rows = {distance: row for row, distance in enumerate(plan.distances)}
     columns = {angle: column for column, angle in enumerate(plan.angles)}
     found: dict[str, Basin] = {}
-    for name, records in compared.around.items():
+    for name, records in result.around.items():
         solved, tried = np.zeros((2, len(rows), len(columns)), np.int64)
         for record in records:
             distance, angle = plan.levels[record.task.start]
             cell = rows[distance], columns[angle]
             tried[cell] += 1
-            solved[cell] += limits.hold(record)
+            solved[cell] += tolerance.accepts(record)
         found[name] = Basin(solved, tried)
     return found
 
 
-def basin_table(compared: Compared, plan: AroundTruth, limits: Limits = SOLVED) -> Table:
-    """Return a row for each method, distance and angle."""
+def basin_table(
+    result: ComparisonResult, plan: AroundTruth, tolerance: Tolerance = SOLVED
+) -> Table:
+    """Return the table of the basins, one row per method, distance and angle."""
     columns = [
         Column("method"),
         Column("initial translation error [m]", "g"),
@@ -163,7 +171,7 @@ def basin_table(compared: Compared, plan: AroundTruth, limits: Limits = SOLVED) 
         Column("called ok but not solved", "d"),
     ]
     rows: list[list[Cell]] = []
-    for name, records in compared.around.items():
+    for name, records in result.around.items():
         for distance in plan.distances:
             for angle in plan.angles:
                 here = [
@@ -177,9 +185,9 @@ def basin_table(compared: Compared, plan: AroundTruth, limits: Limits = SOLVED) 
                         distance,
                         round(math.degrees(angle), 9),
                         len(here),
-                        sum(limits.hold(record) for record in here),
+                        sum(tolerance.accepts(record) for record in here),
                         sum(record.ok for record in here),
-                        sum(record.ok and not limits.hold(record) for record in here),
+                        sum(record.ok and not tolerance.accepts(record) for record in here),
                     ]
                 )
     return Table(columns, rows)
@@ -192,48 +200,50 @@ def _grouped(comparison: Comparison, records: Sequence[StudyRecord]) -> dict[str
     }
 
 
-def _with_agreed(comparison: Comparison, pair: StudyPair, direct: Records) -> StudyPair:
+def _with_consensus(comparison: Comparison, pair: StudyPair, direct: Records) -> StudyPair:
     if pair.truth is not None:
         return pair
     here = [
         record for records in direct.values() for record in records if record.task.pair == pair.name
     ]
-    return replace(pair, truth=agreed_pose(here, comparison.limits))
+    return replace(pair, truth=consensus_pose(here, comparison.tolerance))
 
 
-def _agree(one: StudyRecord, other: StudyRecord, limits: Limits) -> bool:
-    return limits.hold(one.with_truth(other.pose))
+def _agree(one: StudyRecord, other: StudyRecord, tolerance: Tolerance) -> bool:
+    return tolerance.accepts(one.with_truth(other.pose))
 
 
-def comparison_findings(comparison: Comparison, compared: Compared, series: ScanSeries) -> Findings:
-    """Return the tables and figures of a comparison, ready to be written."""
-    limits = comparison.limits
-    outcome = Outcome(series=series, pairs=compared.pairs, records=compared.direct)
-    tables = {"errors": error_table(outcome, limits), "pairs": pair_table(outcome)}
-    if not compared.judged:
-        text = "Nothing was taken for true, so there are no errors to show."
-        return Findings(sections=[Section(title="From no motion", text=text, tables=tables)])
+def comparison_findings(
+    comparison: Comparison, result: ComparisonResult, series: ScanSeries
+) -> Findings:
+    """Return the tables and figures of a comparison."""
+    tolerance = comparison.tolerance
+    outcome = Outcome(series=series, pairs=result.pairs, records=result.direct)
+    tables = {"errors": error_table(outcome, tolerance), "pairs": pair_table(outcome)}
+    if not result.evaluated_count:
+        text = "The true poses are not known, so there are no errors to show."
+        return Findings(sections=[Section(title="From the identity", text=text, tables=tables)])
     text = (
-        f"{compared.judged} of {len(compared.pairs)} pairs have a pose to be judged by, "
-        f"{compared.agreed} of them because methods agree upon it. A pair is solved within "
-        f"{limits} of that pose."
+        f"{result.evaluated_count} of {len(result.pairs)} pairs have a true pose; "
+        f"{result.consensus_count} of these are a consensus of the methods. A pair is solved "
+        f"within {tolerance} of the true pose."
     )
     panels = [
-        BoxPanel(title, {name: errors(records) for name, records in compared.direct.items()})
+        BoxPanel(title, {name: errors(records) for name, records in result.direct.items()})
         for title, errors in ERROR_PANELS
     ]
     figures = {"errors": box_figure(panels)}
-    sections = [Section(title="From no motion", text=text, tables=tables, figures=figures)]
+    sections = [Section(title="From the identity", text=text, tables=tables, figures=figures)]
     plan = comparison.around
     if plan is not None:
         text = (
-            "Every pair with such a pose was started with each distance and angle of the table, "
-            f"{plan.repeats} of each, in random directions "
+            "Every pair with a true pose was registered from each distance and angle of the table, "
+            f"{plan.repeats} times each, in random directions "
             f"({'about the vertical' if plan.axis == 'vertical' else 'about any axis'}, seed "
             f"{plan.seed})."
         )
         figure = basin_figure(
-            basins(compared, plan, limits),
+            basins(result, plan, tolerance),
             plan.distances,
             [round(math.degrees(angle), 9) for angle in plan.angles],
         )
@@ -241,7 +251,7 @@ def comparison_findings(comparison: Comparison, compared: Compared, series: Scan
             Section(
                 title="Basin of convergence",
                 text=text,
-                tables={"basin": basin_table(compared, plan, limits)},
+                tables={"basin": basin_table(result, plan, tolerance)},
                 figures={"basin": figure},
             )
         )

@@ -1,4 +1,4 @@
-"""What all experiments share: what is done, with what, and what of it goes onto the page."""
+"""Data classes of an experiment: methods, registrations, claims, and sections of its page."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,137 +21,137 @@ if TYPE_CHECKING:
 _Item = TypeVar("_Item")
 
 
-class Watch(Protocol):
-    """Hands items on, and may show how many of them are done."""
+class Progress(Protocol):
+    """Progress report of a loop."""
 
-    def __call__(self, items: Iterable[_Item], count: int, what: str, /) -> Iterable[_Item]:
-        """Return the items, `count` of them, that do `what`."""
+    def __call__(self, items: Iterable[_Item], count: int, task: str, /) -> Iterable[_Item]:
+        """Yield the `count` items of a task and report the number of finished ones."""
         ...
 
 
-def unwatched(items: Iterable[_Item], count: int, what: str, /) -> Iterable[_Item]:
-    """Return the items and show nothing."""
+def no_progress(items: Iterable[_Item], count: int, task: str, /) -> Iterable[_Item]:
+    """Return the items without any report."""
     return items
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Contender:
-    """A method as the paper names it."""
+    """A registration method under the name of the paper."""
 
     name: str
-    """Its name in tables and figures."""
+    """Name in tables and figures."""
 
     method: Method[Any]
-    """What registers."""
+    """Registration method."""
 
     remark: str
-    """What of the paper's settings it has, and what not: a sentence for the page."""
+    """Sentence on the settings of the paper and the deviations from them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Claim:
-    """A sentence of the paper, and whether it is so here."""
+    """A claim of a paper with its result on the data of the experiment."""
 
-    says: str
-    """The sentence, as a statement that can be checked."""
+    statement: str
+    """Claim as a statement that can be checked."""
 
     holds: bool | None
-    """Whether it does; None where these data cannot tell."""
+    """Whether the claim holds; None where the data do not decide."""
 
-    because: str
-    """The numbers that decide it."""
+    reason: str
+    """Numbers that decide."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Section:
-    """A part of the page: each of its things only where there is one."""
+    """A section of the page."""
 
     title: str
-    """Its heading."""
+    """Heading."""
 
     text: str = ""
-    """Paragraphs in Markdown, before everything else."""
+    """Paragraphs in Markdown below the heading."""
 
     tables: Mapping[str, Table] = field(default_factory=dict[str, Table])
-    """By the names of their files."""
+    """Tables by file name."""
 
     figures: Mapping[str, "Figure"] = field(default_factory=dict[str, "Figure"])
-    """By the names of their files."""
+    """Figures by file name."""
 
     claims: Sequence[Claim] = ()
-    """What the paper says, held against what was found."""
+    """Claims of the paper with their results."""
 
     remarks: Sequence[str] = ()
-    """Sentences in a list, after everything else."""
+    """Sentences of a list at the end of the section."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Findings:
-    """All that an experiment leaves behind."""
+    """Evaluated results of an experiment."""
 
     sections: Sequence[Section]
-    """Of the page, in order."""
+    """Sections of the page in order."""
 
     trajectories: Mapping[str, Sequence[Pose]] = field(default_factory=dict[str, Sequence[Pose]])
-    """first_from_scan of each scan, by what found it."""
+    """Poses first_from_scan of all scans, by method."""
 
     times: Vector = field(default_factory=lambda: np.zeros(0))
-    """Of the scans, for the trajectories [s]."""
+    """Times of the scans, for the trajectories [s]."""
 
     maps: Mapping[str, NDArray[np.float32]] = field(default_factory=dict[str, NDArray[np.float32]])
-    """Points in the frame of the first scan, by the trajectory that laid them [m]."""
+    """Points of each map in the frame of the first scan, by method [m]."""
 
     headline: Table | None = None
-    """What sums everything up; by default the errors of each method do."""
+    """Summary table; by default the errors of each method."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Outcome:
-    """The registrations of an experiment."""
+    """Registrations of an experiment."""
 
     series: ScanSeries
-    """What was registered."""
+    """Registered scans."""
 
     pairs: Sequence[StudyPair]
-    """Which scans with which."""
+    """Registered pairs of scans."""
 
     records: Mapping[str, Sequence[StudyRecord]]
-    """By contender, one record a pair and start, in the order of the scans."""
+    """Records by contender, one per pair and start, in the order of the scans."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Experiment:
-    """One experiment of a paper."""
+    """Experiment of a paper."""
 
     name: str
-    """What it is asked for by."""
+    """Name on the command line."""
 
     title: str
-    """The heading of its page."""
+    """Heading of the page."""
 
-    about: str
-    """What the paper did, and where it says so."""
+    description: str
+    """Summary of the experiment in the paper, with the section."""
 
     contenders: Sequence[Contender]
-    """What is compared."""
+    """Compared methods."""
 
-    simulated: Callable[[int, int], ScanSeries]
-    """Returns simulated scans: so many, from a seed."""
+    simulate: Callable[[int, int], ScanSeries]
+    """Function from a number of scans and a seed to simulated scans."""
 
     scans: int
-    """How many scans, unless it is said."""
+    """Default number of scans."""
 
     every: int | None
-    """Which scans of a recorded sequence are taken: every k-th; None where none can be."""
+    """Stride over the scans of a recorded sequence; None where only simulated scans fit."""
 
-    examine: Callable[[Outcome, Watch], Findings]
-    """Turns registrations into tables, figures and sentences."""
+    analyse: Callable[[Outcome, Progress], Findings]
+    """Function from registrations to tables, figures and claims."""
 
     starts: StartPlan = field(default_factory=FromIdentity)
-    """Where registrations begin."""
+    """Initial poses."""
 
     pairs: Callable[[ScanSeries], Sequence[StudyPair]] = ScanSeries.pairs
-    """Which scans are registered with which: by default each with the one before."""
+    """Function from scans to pairs; by default each scan with the previous one."""
 
-    pairing: str = "each with the one before"
-    """The same in words, for the page."""
+    pairs_text: str = "each with the previous one"
+    """Description of the pairs on the page."""

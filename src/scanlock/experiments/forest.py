@@ -1,4 +1,4 @@
-"""Das et al. 2013, section VIII-B: pairs of a robot's walk through a sparse forest, its map."""
+"""Forest experiment of Das et al. 2013, section VIII-B: accuracy of pairs and of the map."""
 
 from collections.abc import Mapping
 
@@ -9,62 +9,63 @@ from scanlock.experiments.experiment import (
     Experiment,
     Findings,
     Outcome,
+    Progress,
     Section,
-    Watch,
 )
-from scanlock.experiments.maps import lay_maps
+from scanlock.experiments.maps import build_maps
 from scanlock.experiments.pairwise import (
     SOLVED,
     TRUTH,
     error_table,
     pair_table,
-    tracks_of,
+    trajectories_of,
 )
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D, forest_contenders
 from scanlock.experiments.series import ScanSeries, simulated_series
 from scanlock.report.map_figure import map_figure
 
-PRINTED = {G_ICP: 44_609, P2D: 41_884, D2D: 40_560}
-"""Table I of the paper, WPI: filled voxels of 0.1 m."""
+PUBLISHED = {G_ICP: 44_609, P2D: 41_884, D2D: 40_560}
+"""Table I of the paper, row WPI: number of filled voxels of 0.1 m."""
 
 _EVERY = 50
 
 _DRAWN = (TRUTH, G_ICP, P2D, D2D)
 
-_ABOUT = """\
+_DESCRIPTION = """\
 Section VIII-B of Das, Servos and Waslander 2013 registers every fiftieth scan of a slow robot's
-Velodyne HDL-32E in a sparse forest at Worcester Polytechnic Institute with the scan before, from no
-motion at all, by the two methods that did best in the city. The true poses were not known there, so
-the paper judges by the maps alone: Table I counts the voxels of 0.1 m that each fills, and Figure 4
-looks at two of them from above and from near by."""
+Velodyne HDL-32E in a sparse forest at Worcester Polytechnic Institute with the previous scan, from
+the identity, by the two methods that performed best in the city. The true poses are unknown, so the
+paper evaluates the maps alone: Table I counts the filled voxels of 0.1 m of each, and Figure 4
+shows two of them as a whole and in detail."""
 
 
-def _simulated(scans: int, seed: int) -> ScanSeries:
+def _simulate(scans: int, seed: int) -> ScanSeries:
     return simulated_series("forest", "hdl_32e", every=_EVERY, scans=scans, seed=seed)
 
 
-def _examine(outcome: Outcome, watch: Watch) -> Findings:
-    tracks = tracks_of(outcome)
-    laid = lay_maps(outcome.series, tracks, [name for name in _DRAWN if name in tracks], watch)
-    counts = {name: laid.crispness(name) for name in laid.points}
+def _analyse(outcome: Outcome, progress: Progress) -> Findings:
+    trajectories = trajectories_of(outcome)
+    drawn = [name for name in _DRAWN if name in trajectories]
+    maps = build_maps(outcome.series, trajectories, drawn, progress)
+    counts = {name: maps.crispness(name) for name in maps.points}
     return Findings(
         sections=[
             Section(
                 title="Crispness of the maps (Table I)",
-                tables={"crispness": crispness_table(counts, PRINTED, G_ICP)},
-                remarks=crispness_remarks(outcome, counts, PRINTED, G_ICP),
+                tables={"crispness": crispness_table(counts, PUBLISHED, G_ICP)},
+                remarks=crispness_remarks(outcome, counts, PUBLISHED, G_ICP),
             ),
-            Section(title="The maps (Figure 4)", figures={"maps": map_figure(laid.drawn)}),
+            Section(title="The maps (Figure 4)", figures={"maps": map_figure(maps.drawn)}),
             Section(
-                title="Accuracy, which the paper could not measure",
-                text=f"A pair is solved within {SOLVED} of its true pose, where that is known.",
+                title="Accuracy (not measured in the paper)",
+                text=f"A pair is solved within {SOLVED} of its true pose, if that is known.",
                 tables={"errors": error_table(outcome), "pairs": pair_table(outcome)},
             ),
-            Section(title="What the paper concludes", claims=_claims(outcome, counts)),
+            Section(title="Claims of the paper", claims=_claims(outcome, counts)),
         ],
-        trajectories=tracks,
+        trajectories=trajectories,
         times=outcome.series.times,
-        maps=laid.points,
+        maps=maps.points,
     )
 
 
@@ -100,11 +101,11 @@ def _claims(outcome: Outcome, counts: Mapping[str, int]) -> list[Claim]:
 FOREST = Experiment(
     name="forest",
     title="Accuracy in sparse forested environments",
-    about=_ABOUT,
+    description=_DESCRIPTION,
     contenders=forest_contenders(),
-    simulated=_simulated,
+    simulate=_simulate,
     scans=40,
     every=_EVERY,
-    examine=_examine,
+    analyse=_analyse,
 )
 """Section VIII-B, Figure 4 and the second row of Table I."""

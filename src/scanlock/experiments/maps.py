@@ -1,4 +1,4 @@
-"""Scans laid together along trajectories: the maps that a registration earns."""
+"""Maps: the scans of a series transformed by the trajectories of several methods."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,69 +11,73 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import ScanlockError
 from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.evaluation.voxel_map import VoxelMap
-from scanlock.experiments.experiment import Watch
+from scanlock.experiments.experiment import Progress
 from scanlock.experiments.series import ScanSeries
 from scanlock.geometry.pose import Pose
 from scanlock.report.map_figure import DrawnMap
 from scanlock.segmentation.segmentation import segment
 
-Tracks = Mapping[str, Sequence[Pose]]
-"""first_from_scan of each scan, by what found it."""
+Trajectories = Mapping[str, Sequence[Pose]]
+"""Poses first_from_scan of all scans, by method."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LaidMaps:
-    """The scans laid together along each trajectory.
+class MapSet:
+    """Maps of one series along several trajectories.
 
     Attributes
     ----------
     points : mapping of str to (n, 3) float32 [m]
-        One point in each filled voxel of 0.1 m, in the frame of the first scan.
+        One point per filled voxel of 0.1 m, in the frame of the first scan.
     drawn : mapping of str to DrawnMap
-        What stands above the ground, for the trajectories that are to be drawn.
+        Points above the ground, for the maps in the figure.
     """
 
     points: Mapping[str, NDArray[np.float32]]
     drawn: Mapping[str, DrawnMap]
 
     def crispness(self, name: str) -> int:
-        """Return how many voxels a map fills."""
+        """Return the number of filled voxels of a map."""
         return len(self.points[name])
 
 
-def lay_maps(series: ScanSeries, tracks: Tracks, drawn: Sequence[str], watch: Watch) -> LaidMaps:
-    """Return the scans laid together along each trajectory.
+def build_maps(
+    series: ScanSeries, trajectories: Trajectories, drawn: Sequence[str], progress: Progress
+) -> MapSet:
+    """Return the maps of a series along several trajectories.
 
     Parameters
     ----------
     series : ScanSeries
-        Scans that cannot be read are left out of every map.
-    tracks : mapping of str to sequence of Pose
-        first_from_scan of each scan.
+        Scans that cannot be read are omitted from every map.
+    trajectories : mapping of str to sequence of Pose
+        Poses first_from_scan of all scans.
     drawn : sequence of str
-        Which maps are to be drawn too, for which the ground is looked for.
-    watch : Watch
+        Names of the maps in the figure, which need a segmentation of the ground.
+    progress : Progress
+        Report of the scans.
     """
-    maps = {name: VoxelMap(VOXEL_SIZE) for name in tracks}
-    standing: dict[str, list[Points]] = {name: [] for name in drawn}
-    for index, name in enumerate(watch(series.names, len(series.names), "laying the maps")):
+    maps = {name: VoxelMap(VOXEL_SIZE) for name in trajectories}
+    above_ground: dict[str, list[Points]] = {name: [] for name in drawn}
+    for index, name in enumerate(progress(series.names, len(series.names), "building maps")):
         try:
             cloud = PointCloud.from_array(series.load(name), f"scan {name}")
         except ScanlockError:
             continue
         points = cloud.points + cloud.origin
-        for track, poses in tracks.items():
-            maps[track].add(poses[index].apply(points))
+        for trajectory, poses in trajectories.items():
+            maps[trajectory].add(poses[index].apply(points))
         if drawn:
-            upright = _thinned(points[~segment(cloud).is_ground[cloud.rows]])
-            for track in drawn:
-                standing[track].append(tracks[track][index].apply(upright))
-    return LaidMaps(
-        {name: laid.points for name, laid in maps.items()},
+            obstacles = _downsampled(points[~segment(cloud).is_ground[cloud.rows]])
+            for trajectory in drawn:
+                pose = trajectories[trajectory][index]
+                above_ground[trajectory].append(pose.apply(obstacles))
+    return MapSet(
+        {name: one.points for name, one in maps.items()},
         {
             name: DrawnMap(
-                np.concatenate(standing[name]),
-                np.stack([pose.translation for pose in tracks[name]]),
+                np.concatenate(above_ground[name]),
+                np.stack([pose.translation for pose in trajectories[name]]),
                 f"{len(maps[name]):,} voxels",
             )
             for name in drawn
@@ -81,7 +85,7 @@ def lay_maps(series: ScanSeries, tracks: Tracks, drawn: Sequence[str], watch: Wa
     )
 
 
-def _thinned(points: Points) -> Points:
-    kept = VoxelMap(VOXEL_SIZE)
-    kept.add(points)
-    return kept.points.astype(np.float64)
+def _downsampled(points: Points) -> Points:
+    voxels = VoxelMap(VOXEL_SIZE)
+    voxels.add(points)
+    return voxels.points.astype(np.float64)

@@ -1,4 +1,4 @@
-"""What an experiment leaves in its folder, and the page that leads through it."""
+"""Output folder of an experiment: page, tables, figures, trajectories, maps, settings."""
 
 import re
 from collections.abc import Mapping
@@ -16,14 +16,14 @@ from scanlock.report.canvas import save_figure
 
 PAGE = "index.md"
 
-_PICTURES = (".png", ".svg")
-"""One to look at anywhere, one to print."""
+_FIGURE_ENDINGS = (".png", ".svg")
+"""Raster format for screens, vector format for print."""
 
-_HOLDS = {True: "holds here", False: "**does not hold here**", None: "cannot be told here"}
+_HOLDS = {True: "holds here", False: "**does not hold here**", None: "cannot be decided here"}
 
 _TRUTHS = {
-    "exact": "The true poses are those of the simulation, exact.",
-    "given": "What is called true are the poses that came with the scans, with their own errors.",
+    "exact": "The true poses are those of the simulation and exact.",
+    "given": "The poses of the data set count as true and have errors of their own.",
     "unknown": "The true poses are not known.",
 }
 
@@ -35,31 +35,31 @@ def write_findings(
     methods: Mapping[str, Method[Any]],
     findings: Findings,
 ) -> Path:
-    """Write everything that was found into a folder and return the page that leads through it.
+    """Write the results into a folder and return the path of the page.
 
-    The same findings give the same bytes: there are no times, dates or places in the files.
+    The files hold no times, dates or paths: equal findings give equal bytes.
 
     Parameters
     ----------
     folder : Path
-        Created if it is not there.
+        Output folder; created if necessary.
     title : str
-        The heading of the page.
+        Heading of the page.
     preface : str
-        What stands below it, in Markdown.
+        Text below the heading, in Markdown.
     methods : mapping of str to Method
-        Whose settings are written out, by name.
+        Methods by name; their settings are written.
     findings : Findings
     """
-    for part, names in _names_of(findings, methods).items():
+    for subfolder, names in _names_of(findings, methods).items():
         if names:
-            (folder / part).mkdir(parents=True, exist_ok=True)
+            (folder / subfolder).mkdir(parents=True, exist_ok=True)
     for section in findings.sections:
         for name, table in section.tables.items():
             _write_text(folder / "tables" / f"{name}.csv", table.to_csv())
             _write_text(folder / "tables" / f"{name}.md", table.to_markdown())
         for name, figure in section.figures.items():
-            for ending in _PICTURES:
+            for ending in _FIGURE_ENDINGS:
                 save_figure(folder / "figures" / f"{name}{ending}", figure)
     for name, poses in findings.trajectories.items():
         path = folder / "trajectories" / file_name(name)
@@ -77,68 +77,68 @@ def write_findings(
 
 
 def preface(experiment: Experiment, series: ScanSeries) -> str:
-    """Return what the paper did, what is done here instead, and by which settings."""
+    """Return the description of the experiment, the scans, and the settings of the methods."""
     remarks = "".join(f"- {one.name}: {one.remark}.\n" for one in experiment.contenders)
     return (
-        f"{experiment.about}\n\n## What was registered here\n\n{described(series)}, "
-        f"{experiment.pairing}. {truth_sentence(series)}\n\n{remarks}"
+        f"{experiment.description}\n\n## Registered scans\n\n{series_text(series)}, "
+        f"{experiment.pairs_text}. {truth_sentence(series)}\n\n{remarks}"
     )
 
 
-def described(series: ScanSeries) -> str:
-    """Return what was registered and where it comes from."""
+def series_text(series: ScanSeries) -> str:
+    """Return a phrase on the scans, their origin and the version of scanlock."""
     origin = f"`{series.origin}`, " if series.origin else ""
     return f"{series.title} ({origin}scanlock {__version__})"
 
 
 def truth_sentence(series: ScanSeries) -> str:
-    """Return where the true poses come from."""
+    """Return the sentence on the origin of the true poses."""
     return _TRUTHS[series.truth_kind]
 
 
 def file_name(name: str) -> str:
-    """Return a name as part of a file's."""
+    """Return a name in the form that file names have."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
 def _section(section: Section) -> str:
-    parts = [f"## {section.title}\n"]
+    blocks = [f"## {section.title}\n"]
     if section.text:
-        parts.append(f"{section.text}\n")
+        blocks.append(f"{section.text}\n")
     for name, table in section.tables.items():
-        if len(table.rows) > _LONGEST:
-            parts.append(f"{len(table.rows):,} rows: [{name}.csv](tables/{name}.csv)\n")
+        if len(table.rows) > _MAX_ROWS:
+            blocks.append(f"{len(table.rows):,} rows: [{name}.csv](tables/{name}.csv)\n")
         else:
-            parts.append(table.to_markdown())
-    parts += [f"![{name}](figures/{name}.png)\n" for name in section.figures]
+            blocks.append(table.to_markdown())
+    blocks += [f"![{name}](figures/{name}.png)\n" for name in section.figures]
     if section.claims:
-        parts.append("".join(_claim(claim) for claim in section.claims))
+        blocks.append("".join(_claim(claim) for claim in section.claims))
     if section.remarks:
-        parts.append("".join(f"- {remark}\n" for remark in section.remarks))
-    return "\n".join(parts)
+        blocks.append("".join(f"- {remark}\n" for remark in section.remarks))
+    return "\n".join(blocks)
 
 
-_LONGEST = 30
-"""Longer tables are not shown on the page."""
+_MAX_ROWS = 30
+"""Maximum number of rows of a table on the page."""
 
 
 def _claim(claim: Claim) -> str:
-    return f"- “{claim.says}” {_HOLDS[claim.holds]}: {claim.because}.\n"
+    return f"- “{claim.statement}” {_HOLDS[claim.holds]}: {claim.reason}.\n"
 
 
 def _files(findings: Findings, methods: Mapping[str, Method[Any]]) -> str:
-    names = {part: ", ".join(found) for part, found in _names_of(findings, methods).items()}
+    names = {folder: ", ".join(found) for folder, found in _names_of(findings, methods).items()}
     rows = {
-        "tables": f"{names['tables']}: every digit (.csv), and rounded (.md)",
+        "tables": f"{names['tables']}: full precision (.csv) and rounded (.md)",
         "figures": f"{names['figures']}: .png and .svg",
-        "trajectories": f"{names['trajectories']}: first scan from each scan, 12 numbers a row "
-        "(.kitti.txt) and stamped (.tum.txt)",
-        "settings": f"{names['settings']}: every setting of the method (.toml), as `scanlock "
-        "register --settings` reads it",
-        "maps": f"{names['maps']}: one point in each filled voxel of {VOXEL_SIZE:g} m (.ply)",
+        "trajectories": f"{names['trajectories']}: poses of the scans in the first scan, "
+        "in KITTI and TUM format",
+        "settings": f"{names['settings']}: all settings of the method (.toml), for "
+        "`scanlock register --settings`",
+        "maps": f"{names['maps']}: one point per filled voxel of {VOXEL_SIZE:g} m (.ply)",
     }
-    lines = ["- `records.jsonl`: every registration, with its pose, in full\n"]
-    lines += [f"- `{part}/`: {what}\n" for part, what in rows.items() if names[part]]
+    lines = ["- `records.jsonl`: all registrations with poses\n"]
+    lines += [f"- `{folder}/`: {text}\n" for folder, text in rows.items() if names[folder]]
     return "## Files\n\n" + "".join(lines)
 
 

@@ -1,6 +1,6 @@
-"""Scans registered one to the next: errors of the pairs, and the trajectories that they chain to.
+"""Registration of consecutive scans: errors of the pairs, and chained trajectories.
 
-What Das et al. 2013, section VIII, do in the city and in the forest.
+Evaluation of Das et al. 2013, section VIII, in the city and in the forest.
 """
 
 import math
@@ -19,60 +19,60 @@ from scanlock.report.tables import Cell, Column, Table
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Limits:
-    """How near to the true pose a registration must end to count as solved."""
+class Tolerance:
+    """Maximum errors of a solved pair."""
 
     metres: float = 0.3
-    """Translation, in the middle of the source [m]."""
+    """Maximum translation error at the centre of the source [m]."""
 
     degrees: float = 1.0
-    """Rotation [deg]."""
+    """Maximum rotation error [deg]."""
 
     def __post_init__(self) -> None:
         require_positive("metres", self.metres, unit="m")
         require_positive("degrees", self.degrees, unit="deg")
 
-    def hold(self, record: StudyRecord) -> bool:
-        """Tell whether a registration is solved."""
+    def accepts(self, record: StudyRecord) -> bool:
+        """Return whether a registration is solved."""
         return record.is_solved(self.metres, math.radians(self.degrees))
 
     def __str__(self) -> str:
         return f"{self.metres:g} m and {self.degrees:g} degree"
 
 
-SOLVED = Limits()
-"""The limits of the papers' experiments here; the papers have none."""
+SOLVED = Tolerance()
+"""Tolerance of the experiments; the papers state none."""
 
 TRUTH = "true poses"
-"""Name of the trajectory and the map that the known poses give."""
+"""Name of the trajectory and the map of the true poses."""
 
 
 def chained(records: Sequence[StudyRecord]) -> list[Pose]:
-    """Return first_from_scan of each scan from the poses of consecutive pairs.
+    """Return the poses first_from_scan of all scans from the poses of consecutive pairs.
 
     A pair without a pose counts as no motion.
     """
-    track = [Pose.identity()]
+    trajectory = [Pose.identity()]
     for record in records:
-        track.append(track[-1] if record.pose is None else track[-1] @ record.pose)
-    return track
+        trajectory.append(trajectory[-1] if record.pose is None else trajectory[-1] @ record.pose)
+    return trajectory
 
 
-def tracks_of(outcome: Outcome) -> dict[str, list[Pose]]:
-    """Return the chained trajectory of each contender, and the true one where it is known."""
-    tracks = {name: chained(records) for name, records in outcome.records.items()}
+def trajectories_of(outcome: Outcome) -> dict[str, list[Pose]]:
+    """Return the chained trajectory of each contender, and the true one if known."""
+    trajectories = {name: chained(records) for name, records in outcome.records.items()}
     if outcome.series.truth:
-        tracks[TRUTH] = outcome.series.true_trajectory()
-    return tracks
+        trajectories[TRUTH] = outcome.series.true_trajectory()
+    return trajectories
 
 
 def translation_errors(records: Sequence[StudyRecord]) -> Vector:
-    """Return the (n,) errors [m]; NaN for pairs without a pose or a truth."""
+    """Return the (n,) translation errors [m]; NaN for pairs without a pose or a true pose."""
     return np.array([record.translation_error for record in records])
 
 
 def rotation_errors_deg(records: Sequence[StudyRecord]) -> Vector:
-    """Return the (n,) errors [deg]; NaN for pairs without a pose or a truth."""
+    """Return the (n,) rotation errors [deg]; NaN for pairs without a pose or a true pose."""
     return np.degrees([record.rotation_error for record in records])
 
 
@@ -80,11 +80,11 @@ ERROR_PANELS = (
     ("absolute translation error [m]", translation_errors),
     ("absolute rotation error [°]", rotation_errors_deg),
 )
-"""Panels of Figure 3."""
+"""Panels of Figure 3 of the paper: titles, and functions from records to errors."""
 
 
-def error_table(outcome: Outcome, limits: Limits = SOLVED) -> Table:
-    """Return how near each contender comes: the boxes of the box plots as numbers."""
+def error_table(outcome: Outcome, tolerance: Tolerance = SOLVED) -> Table:
+    """Return solved pairs and quartiles of the errors, one row per contender."""
     columns = [
         Column("method"),
         Column("pairs", "d"),
@@ -102,18 +102,20 @@ def error_table(outcome: Outcome, limits: Limits = SOLVED) -> Table:
     ]
     rows: list[list[Cell]] = []
     for name, records in outcome.records.items():
-        judged = [record for record in records if not math.isnan(record.translation_error)]
-        solved: Cell = sum(limits.hold(record) for record in judged) if judged else math.nan
-        wrong: Cell = sum(record.ok and not limits.hold(record) for record in judged)
+        evaluated = [record for record in records if not math.isnan(record.translation_error)]
+        solved: Cell = (
+            sum(tolerance.accepts(record) for record in evaluated) if evaluated else math.nan
+        )
+        wrong: Cell = sum(record.ok and not tolerance.accepts(record) for record in evaluated)
         errors = (translation_errors(records), rotation_errors_deg(records))
         numbers = [number for values in errors for number in _quartiles(values)]
-        called = sum(record.ok for record in records)
-        rows.append([name, len(records), solved, *numbers, called, wrong if judged else math.nan])
+        ok = sum(record.ok for record in records)
+        rows.append([name, len(records), solved, *numbers, ok, wrong if evaluated else math.nan])
     return Table(columns, rows)
 
 
 def pair_table(outcome: Outcome) -> Table:
-    """Return every registration, one a row."""
+    """Return all registrations, one per row."""
     pairs = {pair.name: pair for pair in outcome.pairs}
     columns = [
         Column("method"),
@@ -147,5 +149,5 @@ def pair_table(outcome: Outcome) -> Table:
 def _quartiles(values: Vector) -> list[float]:
     if not np.isfinite(values).any():
         return [math.nan] * 4
-    found = box_plot(values)
-    return [found.lower_quartile, found.median, found.upper_quartile, float(np.nanmax(values))]
+    box = box_plot(values)
+    return [box.lower_quartile, box.median, box.upper_quartile, float(np.nanmax(values))]

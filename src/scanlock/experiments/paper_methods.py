@@ -1,4 +1,4 @@
-"""The methods of Das et al. 2013, section VIII, with the settings that the paper states."""
+"""Methods of Das et al. 2013, section VIII, with the settings of the paper."""
 
 from dataclasses import replace
 
@@ -15,39 +15,39 @@ from scanlock.registration.methods.sgc_ndt import SgcNdt
 
 ICP, G_ICP, NDT = "ICP", "G-ICP", "NDT"
 P2D, D2D = "SGC-NDT-P2D", "SGC-NDT-D2D"
-P2D_PRINTED, D2D_PRINTED = f"{P2D}, one scale", f"{D2D}, one scale"
+P2D_PUBLISHED, D2D_PUBLISHED = f"{P2D}, one scale", f"{D2D}, one scale"
 
 _TOLERANCE = 1e-6
-"""Where optimisations end: the norm of the step [m]."""
+"""Tolerance of the step norm [m]."""
 
-_FARTHEST = 10.0
-"""Points farther apart are no pair in the paper [m]."""
+_MAX_DISTANCE = 10.0
+"""Maximum correspondence distance of the paper [m]."""
 
-_SPACING = 0.25
-"""Voxels that scans are thinned to for pairing points [m]: ours, the paper does not speak of it."""
+_VOXEL_SIZE = 0.25
+"""Voxel size of the downsampling for ICP and G-ICP [m]; not stated in the paper."""
 
-_ROUNDS = 200
-"""How often points are paired at most: ours, and more than any pair needs to end by itself."""
+_MAX_ITERATIONS = 200
+"""Maximum number of correspondence updates, never reached; not stated in the paper."""
 
-_PAIRING = (
-    f"pairs up to {_FARTHEST:g} m apart from first to last, as the paper says; either scan thinned "
-    f"to voxels of {_SPACING:g} m, of which it says nothing; ends when new pairs move the pose by "
-    f"less than {_TOLERANCE:g} m, or after {_ROUNDS} rounds of them"
+_CORRESPONDENCES = (
+    f"constant maximum correspondence distance of {_MAX_DISTANCE:g} m, as in the paper; both scans "
+    f"downsampled to voxels of {_VOXEL_SIZE:g} m, not stated in the paper; ends at a step below "
+    f"{_TOLERANCE:g} m, or after {_MAX_ITERATIONS} iterations"
 )
 
 _SGC = (
-    "scanlock's own settings: every scale of blur from 8 m down to none, where the paper has a "
-    "single one; the stopping tolerances are the paper's, the limits of the clusters ours, for the "
-    "paper states none"
+    "settings of scanlock: coarse to fine with a smoothing from 8 m to 0, where the paper has one "
+    "scale; convergence tolerances of the paper; limits of the clusters of scanlock, not stated in "
+    "the paper"
 )
 _ONE_SCALE = (
-    "Algorithm 1 as it is printed: one scale, no blur; the limits of the clusters are ours, and "
-    "so is the mended Newton step"
+    "Algorithm 1 as published: one scale without smoothing; limits of the clusters and "
+    "regularisation of the Newton step of scanlock"
 )
 
 
 def sgc_contenders() -> list[Contender]:
-    """Return SGC-NDT both ways, as scanlock has it and as it is printed."""
+    """Return P2D and D2D of SGC-NDT, coarse to fine and as published."""
     solver = Newton(
         criteria=ConvergenceCriteria(gradient_tolerance=_TOLERANCE, step_tolerance=_TOLERANCE)
     )
@@ -57,50 +57,50 @@ def sgc_contenders() -> list[Contender]:
     return [
         Contender(name=P2D, method=p2d, remark=_SGC),
         Contender(name=D2D, method=d2d, remark=_SGC),
-        Contender(name=P2D_PRINTED, method=replace(p2d, schedule=one_scale), remark=_ONE_SCALE),
-        Contender(name=D2D_PRINTED, method=replace(d2d, schedule=one_scale), remark=_ONE_SCALE),
+        Contender(name=P2D_PUBLISHED, method=replace(p2d, schedule=one_scale), remark=_ONE_SCALE),
+        Contender(name=D2D_PUBLISHED, method=replace(d2d, schedule=one_scale), remark=_ONE_SCALE),
     ]
 
 
 def icp_contender() -> Contender:
-    """Return ICP as the paper has it."""
+    """Return ICP with the settings of the paper."""
     method = Icp(
         correspondences=CorrespondenceFinder(
-            rejection=FixedRejection(max_correspondence_distance=_FARTHEST)
+            rejection=FixedRejection(max_correspondence_distance=_MAX_DISTANCE)
         ),
-        voxel_size=_SPACING,
-        criteria=IcpConvergenceCriteria(step_tolerance=_TOLERANCE, max_iterations=_ROUNDS),
+        voxel_size=_VOXEL_SIZE,
+        criteria=IcpConvergenceCriteria(step_tolerance=_TOLERANCE, max_iterations=_MAX_ITERATIONS),
     )
-    return Contender(name=ICP, method=method, remark=f"point to point, {_PAIRING}")
+    return Contender(name=ICP, method=method, remark=f"point to point, {_CORRESPONDENCES}")
 
 
 def gicp_contender() -> Contender:
-    """Return G-ICP as the paper has it."""
+    """Return G-ICP with the settings of the paper."""
     method = Gicp(
-        max_correspondence_distances=(_FARTHEST,),
-        voxel_size=_SPACING,
+        max_correspondence_distances=(_MAX_DISTANCE,),
+        voxel_size=_VOXEL_SIZE,
         step_tolerance=_TOLERANCE,
-        max_iterations=_ROUNDS,
+        max_iterations=_MAX_ITERATIONS,
     )
-    return Contender(name=G_ICP, method=method, remark=f"plane to plane, {_PAIRING}")
+    return Contender(name=G_ICP, method=method, remark=f"plane to plane, {_CORRESPONDENCES}")
 
 
 def ndt_contender() -> Contender:
-    """Return NDT as the paper has it: the Point Cloud Library's, cells of 3 m."""
+    """Return NDT with the settings of the paper, that of the Point Cloud Library."""
     return Contender(
         name=NDT,
         method=Ndt.das2013(),
-        remark="cells of 3 m, as the paper says, and each point in its own; all points; "
-        "Magnusson's constants for 55 % of outliers; a trust region where the library has a line "
-        "search",
+        remark="cells of 3 m, as in the paper, each point in its own cell; all points; "
+        "Magnusson's constants for an outlier ratio of 55 %; trust region instead of the line "
+        "search of the library",
     )
 
 
 def urban_contenders() -> list[Contender]:
-    """Return the methods of the city."""
+    """Return the methods of the city experiment."""
     return [icp_contender(), gicp_contender(), ndt_contender(), *sgc_contenders()]
 
 
 def forest_contenders() -> list[Contender]:
-    """Return the methods of the forest: the best two of the city."""
+    """Return the methods of the forest experiment, the best two of the city."""
     return [gicp_contender(), *sgc_contenders()]

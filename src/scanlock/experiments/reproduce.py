@@ -1,10 +1,10 @@
-"""Run an experiment into a folder; an interrupted run goes on where it was."""
+"""Reproduction of an experiment into a folder; an interrupted run can be continued."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from scanlock.experiments.experiment import Experiment, Findings, Outcome, Watch, unwatched
+from scanlock.experiments.experiment import Experiment, Findings, Outcome, Progress, no_progress
 from scanlock.experiments.forest import FOREST
 from scanlock.experiments.ladar.experiment import LADAR
 from scanlock.experiments.page import preface, write_findings
@@ -14,21 +14,21 @@ from scanlock.pipelines.study import Study, StudyRecord
 from scanlock.pipelines.study_records import stored_records
 
 EXPERIMENTS = {experiment.name: experiment for experiment in (URBAN, FOREST, LADAR)}
-"""Every experiment by name."""
+"""All experiments by name."""
 
 RECORDS = "records.jsonl"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reproduction:
-    """A finished experiment.
+    """Results of an experiment.
 
     Attributes
     ----------
     outcome : Outcome
     findings : Findings
     page : Path
-        The file that leads through all others.
+        Path of the page.
     """
 
     outcome: Outcome
@@ -37,22 +37,22 @@ class Reproduction:
 
 
 def reproduce(
-    experiment: Experiment, series: ScanSeries, folder: Path, watch: Watch = unwatched
+    experiment: Experiment, series: ScanSeries, folder: Path, progress: Progress = no_progress
 ) -> Reproduction:
-    """Run an experiment and write everything into a folder.
+    """Run an experiment and write its results into a folder.
 
-    Each registration is on disk as soon as it is done; those of an earlier run with the same
-    settings are not done again.
+    Each registration is stored as soon as it is finished. Registrations of an earlier run with
+    the same settings are not repeated.
 
     Parameters
     ----------
     experiment : Experiment
     series : ScanSeries
-        What to register.
+        Scans to register.
     folder : Path
-        Created if it is not there.
-    watch : Watch, optional
-        Is told of every registration, and of every scan that is laid into the maps.
+        Output folder; created if necessary.
+    progress : Progress, optional
+        Report of the registrations and of the scans of the maps.
 
     Raises
     ------
@@ -68,9 +68,9 @@ def reproduce(
         starts=experiment.starts,
     )
     records = stored_records(folder / RECORDS, study, series.key)
-    done = list(watch(records, len(study), "registering"))
+    done = list(progress(records, len(study), "registering"))
     outcome = Outcome(series=series, pairs=pairs, records=_by_contender(experiment, done))
-    findings = experiment.examine(outcome, watch)
+    findings = experiment.analyse(outcome, progress)
     introduction = preface(experiment, series)
     page = write_findings(folder, experiment.title, introduction, study.methods, findings)
     return Reproduction(outcome, findings, page)

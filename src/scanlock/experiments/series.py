@@ -1,4 +1,4 @@
-"""The scans of an experiment, one at a time, and what is true of them."""
+"""Scans of an experiment, loaded one at a time, with their true poses."""
 
 import hashlib
 from collections.abc import Callable
@@ -17,31 +17,34 @@ from scanlock.pipelines.study import StudyPair
 from scanlock.simulation import SENSORS, SimulatedSequence, drive_through
 
 TruthKind = Literal["exact", "given", "unknown"]
-"""Where the poses of scans come from: the simulation, files beside the scans, or nowhere."""
+"""Origin of the true poses: simulation, files of the data set, or unknown."""
 
 _SAMPLE = 1 << 16
-"""Bytes of each file that tell whether it is still the same."""
+"""Number of bytes of each file that enter the digest."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ScanSeries:
-    """Scans in their order.
+    """Sequence of scans.
 
     Attributes
     ----------
     title : str
-        What they are, in a phrase.
+        Phrase that describes the scans.
     origin : str
-        How to make or where to find the same ones; empty where the title says it.
+        Command or files that give the same scans; empty if the title suffices.
     key : str
-        What decides their points besides their names.
+        Identifier of the points, in addition to the names.
     names : tuple of str
+        Unique names of the scans.
     times : (n,) [s]
+        Times of the scans.
     load : callable
-        Returns the (n, 3+) points [m] of a scan by its name, in the frame of its sensor.
+        Function from the name of a scan to its (n, 3+) points [m] in the sensor frame.
     truth : tuple of Pose
-        world_from_sensor of each scan; empty where it is unknown.
+        True poses world_from_sensor of the scans; empty if unknown.
     truth_kind : str
+        Origin of the true poses.
     """
 
     title: str
@@ -59,17 +62,17 @@ class ScanSeries:
             raise InvalidInput(f"an experiment needs at least 2 scans, got {len(self.names)}")
         if len(self.times) != len(self.names) or len(self.truth) not in (0, len(self.names)):
             raise InvalidInput(
-                f"{len(self.names)} scans must have as many times and as many poses or none, got "
-                f"{len(self.times)} and {len(self.truth)}"
+                f"{len(self.names)} scans need as many times, and as many true poses or none, got "
+                f"{len(self.times)} times and {len(self.truth)} poses"
             )
 
     def pairs(self, apart: int = 1) -> list[StudyPair]:
-        """Return each scan with one some scans later: the earlier stays, the later moves.
+        """Return the pairs of scans that are `apart` scans apart; the earlier one is the target.
 
         Raises
         ------
         InvalidInput
-            There are no two scans so far apart.
+            `apart` is not below the number of scans.
         """
         require_count("apart", apart)
         if apart >= len(self.names):
@@ -84,41 +87,42 @@ class ScanSeries:
         ]
 
     def true_trajectory(self) -> list[Pose]:
-        """Return first_from_scan of each scan; empty where it is unknown."""
+        """Return the true poses first_from_scan of all scans; empty if unknown."""
         return [self.truth[0].inverse() @ pose for pose in self.truth]
 
 
 def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: int) -> ScanSeries:
-    """Return scans along a drive through a simulated scene, made as they are asked for.
+    """Return scans along a drive through a simulated scene, computed on demand.
 
-    They are those of ``scanlock simulate``: every point in the frame of the sensor in the middle
-    of its sweep, in float32.
+    The scans equal those of ``scanlock simulate``: deskewed to the middle of the sweep, float32.
 
     Parameters
     ----------
-    scene, sensor : str
-        "street" or "forest"; a key of `SENSORS`.
+    scene : str
+        "street" or "forest".
+    sensor : str
+        Key of `SENSORS`.
     every : int
-        Take every k-th sweep of the drive.
+        Stride over the sweeps of the drive.
     scans : int
-        How many to take; at least 2.
+        Number of scans; at least 2.
     seed : int
-        Decides the scene, the drive and the noise.
+        Seed of the scene, the drive and the noise.
     """
     require_count("every", every)
     require_count("scans", scans, minimum=2)
     place, drive = drive_through(scene, count=1 + (scans - 1) * every, seed=seed)
     sequence = SimulatedSequence(place.world, SENSORS[sensor](), drive, seed)
     taken = range(0, len(sequence), every)
-    spoken = sensor.replace("_", "-")
+    sensor_name = sensor.replace("_", "-")
 
     def load(name: str) -> ArrayLike:
         return sequence[int(name) * every].deskewed().astype(np.float32)
 
     return ScanSeries(
-        title=f"{scans} simulated scans of an {spoken.upper()}, {which(every, 'sweep')} of a drive "
-        f"through a {scene}",
-        origin=f"scanlock simulate {scene} --sensor {spoken} --scans {scans} --every {every} "
+        title=f"{scans} simulated scans of an {sensor_name.upper()}, "
+        f"{ordinal_phrase(every, 'sweep')} of a drive through a {scene}",
+        origin=f"scanlock simulate {scene} --sensor {sensor_name} --scans {scans} --every {every} "
         f"--seed {seed}",
         key=f"{scene} {sensor} every {every} seed {seed}",
         names=tuple(f"{number:06d}" for number in range(scans)),
@@ -132,23 +136,23 @@ def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: i
 def recorded_series(
     folder: Path, *, every: int, scans: int | None = None, poses: Path | None = None
 ) -> ScanSeries:
-    """Return every k-th scan of a folder, of which at most `scans` are taken.
+    """Return every k-th scan of a folder.
 
     Parameters
     ----------
     folder : Path
         See `scanlock.io.sequences.open_sequence`.
     every : int
-        Take every k-th scan.
+        Stride over the scans of the folder.
     scans : int, optional
-        How many to take at most; all by default.
+        Maximum number of scans; all by default.
     poses : Path, optional
-        world_from_sensor of each scan of the folder, in place of its own.
+        Poses world_from_sensor of all scans of the folder, instead of its own.
 
     Raises
     ------
     InvalidInput
-        Fewer than two scans are left.
+        Fewer than two scans remain.
     """
     require_count("every", every)
     if scans is not None:
@@ -156,10 +160,11 @@ def recorded_series(
     taken = open_sequence(folder, poses, every=every, count=scans)
     if len(taken) < 2:
         raise InvalidInput(
-            f"{which(every)} of {folder} leaves {len(taken)}, and two are needed; take more of them"
+            f"{ordinal_phrase(every)} of {folder} gives {len(taken)} scans, at least 2 needed; "
+            "reduce the stride"
         )
     kind = f"{folder.resolve().name} ({taken.title})"
-    return series_of(taken, title=f"{len(taken)} scans, {which(every)} of {kind}")
+    return series_of(taken, title=f"{len(taken)} scans, {ordinal_phrase(every)} of {kind}")
 
 
 def series_of(
@@ -173,7 +178,7 @@ def series_of(
     title, origin : str
         See `ScanSeries`.
     variant : str
-        What decides how the files are read, where it is more than the files themselves.
+        Options of the reader that change the points of the same files.
     """
     names = sequence.names
     if len(set(names)) < len(names):
@@ -191,13 +196,13 @@ def series_of(
     )
 
 
-def which(every: int, what: str = "scan") -> str:
-    """Return "every scan", "every 2nd scan" and so on."""
+def ordinal_phrase(every: int, noun: str = "scan") -> str:
+    """Return a phrase such as "every scan" or "every 2nd scan"."""
     if every == 1:
-        return f"every {what}"
+        return f"every {noun}"
     teens = every % 100 in (11, 12, 13)
     ending = "th" if teens else {1: "st", 2: "nd", 3: "rd"}.get(every % 10, "th")
-    return f"every {every}{ending} {what}"
+    return f"every {every}{ending} {noun}"
 
 
 def _digest(sequence: ScanSequence) -> str:

@@ -1,11 +1,11 @@
-"""Das et al. 2013, section VIII-A: pairs of a city drive, their errors and their map."""
+"""City experiment of Das et al. 2013, section VIII-A: accuracy of pairs and of the map."""
 
 from collections.abc import Mapping
 
 from scanlock.experiments.claims import (
     accurate,
-    alike,
     crisper,
+    equally_crisp,
     largest_errors,
     loses_pairs,
     low_errors,
@@ -17,60 +17,61 @@ from scanlock.experiments.experiment import (
     Experiment,
     Findings,
     Outcome,
+    Progress,
     Section,
-    Watch,
 )
-from scanlock.experiments.maps import lay_maps
+from scanlock.experiments.maps import build_maps
 from scanlock.experiments.pairwise import (
     ERROR_PANELS,
     SOLVED,
     TRUTH,
     error_table,
     pair_table,
-    tracks_of,
+    trajectories_of,
 )
 from scanlock.experiments.paper_methods import D2D, G_ICP, ICP, NDT, P2D, urban_contenders
 from scanlock.experiments.series import ScanSeries, simulated_series
 from scanlock.report.box_figure import BoxPanel, box_figure
 from scanlock.report.map_figure import map_figure
 
-PRINTED = {ICP: 132_507, G_ICP: 124_911, P2D: 125_767, D2D: 125_221}
-"""Table I of the paper, Ford: filled voxels of 0.1 m."""
+PUBLISHED = {ICP: 132_507, G_ICP: 124_911, P2D: 125_767, D2D: 125_221}
+"""Table I of the paper, row Ford: number of filled voxels of 0.1 m."""
 
 _EVERY = 10
 
 _DRAWN = (TRUTH, ICP, G_ICP, NDT, P2D, D2D)
 
-_ABOUT = """\
+_DESCRIPTION = """\
 Section VIII-A of Das, Servos and Waslander 2013 registers every tenth scan of the Ford Campus
-drive (Velodyne HDL-64E) with the scan before, from no motion at all; ICP with pairs up to 10 m
-apart, NDT with cells of 3 m, and optimisations that end once the norm of the gradient or of the
-step falls below 1e-6. Figure 3 has box plots of the errors against the inertial navigation, and
-Table I counts the voxels of 0.1 m that the map of each method fills: the fewer, the crisper."""
+drive (Velodyne HDL-64E) with the previous scan, from the identity. ICP has a maximum correspondence
+distance of 10 m, NDT has cells of 3 m, and optimisations end when the norm of the gradient or of
+the step is below 1e-6. Figure 3 has box plots of the errors against the inertial navigation, and
+Table I counts the filled voxels of 0.1 m of each map; a smaller number means a crisper map."""
 
 
-def _simulated(scans: int, seed: int) -> ScanSeries:
+def _simulate(scans: int, seed: int) -> ScanSeries:
     return simulated_series("street", "hdl_64e", every=_EVERY, scans=scans, seed=seed)
 
 
-def _examine(outcome: Outcome, watch: Watch) -> Findings:
-    tracks = tracks_of(outcome)
-    laid = lay_maps(outcome.series, tracks, [name for name in _DRAWN if name in tracks], watch)
-    counts = {name: laid.crispness(name) for name in laid.points}
+def _analyse(outcome: Outcome, progress: Progress) -> Findings:
+    trajectories = trajectories_of(outcome)
+    drawn = [name for name in _DRAWN if name in trajectories]
+    maps = build_maps(outcome.series, trajectories, drawn, progress)
+    counts = {name: maps.crispness(name) for name in maps.points}
     return Findings(
         sections=[
             *_accuracy(outcome),
             Section(
                 title="Crispness of the maps (Table I)",
-                tables={"crispness": crispness_table(counts, PRINTED, G_ICP)},
-                remarks=crispness_remarks(outcome, counts, PRINTED, G_ICP),
+                tables={"crispness": crispness_table(counts, PUBLISHED, G_ICP)},
+                remarks=crispness_remarks(outcome, counts, PUBLISHED, G_ICP),
             ),
-            Section(title="What the paper concludes", claims=_claims(outcome, counts)),
-            Section(title="The maps", figures={"maps": map_figure(laid.drawn)}),
+            Section(title="Claims of the paper", claims=_claims(outcome, counts)),
+            Section(title="The maps", figures={"maps": map_figure(maps.drawn)}),
         ],
-        trajectories=tracks,
+        trajectories=trajectories,
         times=outcome.series.times,
-        maps=laid.points,
+        maps=maps.points,
     )
 
 
@@ -84,9 +85,9 @@ def _accuracy(outcome: Outcome) -> list[Section]:
         for title, errors in ERROR_PANELS
     ]
     text = (
-        f"A pair is solved within {SOLVED} of its true "
-        "pose. Boxes reach from quartile to quartile, whiskers to the last value within 1.5 times "
-        "that height. The paper prints the figure and no numbers, so there are none to compare."
+        f"A pair is solved within {SOLVED} of its true pose. Boxes span the quartiles, whiskers "
+        "end at the last value within 1.5 times the box height. The paper has the figure without "
+        "numbers."
     )
     return [
         Section(
@@ -130,7 +131,7 @@ def _claims(outcome: Outcome, counts: Mapping[str, int]) -> list[Claim]:
             [P2D, D2D, G_ICP],
             [ICP],
         ),
-        alike(
+        equally_crisp(
             "Both SGC-NDT algorithms and G-ICP generate maps of high quality (0.7 % apart).",
             counts,
             [P2D, D2D, G_ICP],
@@ -142,11 +143,11 @@ def _claims(outcome: Outcome, counts: Mapping[str, int]) -> list[Claim]:
 URBAN = Experiment(
     name="urban",
     title="Accuracy in outdoor urban environments",
-    about=_ABOUT,
+    description=_DESCRIPTION,
     contenders=urban_contenders(),
-    simulated=_simulated,
+    simulate=_simulate,
     scans=101,
     every=_EVERY,
-    examine=_examine,
+    analyse=_analyse,
 )
 """Section VIII-A, Figure 3 and the first row of Table I."""

@@ -1,1 +1,1 @@
-"""Static figures of registrations and segmentations; needs the extra ``figures``."""
+"""Static figures and tables of results; figures need the extra ``figures``."""

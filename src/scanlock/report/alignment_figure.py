@@ -1,4 +1,4 @@
-"""Pairs of scans from above, each at several poses side by side."""
+"""Figure of pairs of scans from above, each at several poses."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from scanlock.report.canvas import (
     INK,
     VERMILION,
     blank_figure,
+    close_up_corner,
     legend_below,
     overlay,
-    richest_square,
-    square_view,
+    set_map_view,
     window_around,
 )
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SIDE = 16.0
-"""Side of the part that is shown [m]: enough to see single plants."""
+"""Side of the displayed square [m], in which single plants are visible."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,46 +32,46 @@ class Alignment:
     Attributes
     ----------
     title : str
-        What is registered.
+        Name of the pair.
     target : (n, 3) [m]
-        What stays.
-    moved : mapping of str to (m, 3) [m]
-        The source in the frame of the target, by how it came there.
+        Points of the target.
+    sources : mapping of str to (m, 3) [m]
+        Points of the source in the frame of the target, by the name of the pose.
     """
 
     title: str
     target: Points
-    moved: Mapping[str, Points]
+    sources: Mapping[str, Points]
 
 
 def alignment_figure(alignments: Sequence[Alignment]) -> "Figure":
-    """Return a figure with a row for each pair and a column for each of its poses.
+    """Return a figure with one row per pair and one column per pose.
 
-    Every row shows one square of the map, where the last pose of the row leaves most to see.
+    All views of a row show the same square, chosen by the last pose.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        No pair, or pairs with different numbers of poses.
+        There is no pair, or the pairs have different numbers of poses.
     """
-    widths = {len(alignment.moved) for alignment in alignments}
-    if len(widths) != 1 or 0 in widths:
+    counts = {len(alignment.sources) for alignment in alignments}
+    if len(counts) != 1 or 0 in counts:
         raise InvalidInput(
-            f"pairs must have as many poses as each other, got {sorted(widths)} poses"
+            f"all pairs must have the same number of poses, at least 1, got {sorted(counts)}"
         )
-    columns = widths.pop()
+    columns = counts.pop()
     figure = blank_figure(3.2 * columns, 3.5 * len(alignments) + 0.3)
     grid = figure.subplots(len(alignments), columns, squeeze=False)
     for row, alignment in zip(grid, alignments, strict=True):
-        last = [*alignment.moved.values()][-1]
-        middle, half = window_around(alignment.target[:, :2])
-        corner = richest_square([alignment.target, last], middle, half, _SIDE)
-        for axes, (name, moved) in zip(row, alignment.moved.items(), strict=True):
-            overlay(axes, alignment.target, moved, 3.0)
+        last = [*alignment.sources.values()][-1]
+        centre, half = window_around(alignment.target[:, :2])
+        corner = close_up_corner([alignment.target, last], centre, half, _SIDE)
+        for axes, (name, source) in zip(row, alignment.sources.items(), strict=True):
+            overlay(axes, alignment.target, source, 3.0)
             labels = ("x [m]", "y [m]" if axes is row[0] else "")
-            square_view(axes, corner + 0.5 * _SIDE, 0.5 * _SIDE, labels)
+            set_map_view(axes, corner + 0.5 * _SIDE, 0.5 * _SIDE, labels)
             axes.set_title(f"{alignment.title}\n{name}", fontsize=9, color=INK)
-    legend_below(figure, {"model (stays)": BLUE, "data (moves)": VERMILION})
+    legend_below(figure, {"target": BLUE, "source": VERMILION})
     return figure

@@ -1,4 +1,4 @@
-"""Box plots of the errors of several methods, as Figure 3 of Das et al. 2013."""
+"""Figure of box plots of the errors of several methods, as Figure 3 of Das et al. 2013."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 
 _HALF_WIDTH = 0.28
 _FILL = "#d6e6f2"
-_STRAIGHT_FACTOR = 10.0
-"""Errors over fewer than this factor are drawn on a straight scale."""
+_MIN_LOG_FACTOR = 10.0
+"""Minimum ratio of the extreme values for a logarithmic scale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxPanel:
-    """One group of boxes.
+    """Group of box plots.
 
     Attributes
     ----------
     title : str
-        With the unit.
+        Title with the unit.
     values : mapping of str to (n,)
-        Values by method; those that are not finite are counted at the foot, not drawn.
+        Values by method; non-finite values are counted below the box, not drawn.
     """
 
     title: str
@@ -38,23 +38,23 @@ class BoxPanel:
 
 
 def box_figure(panels: Sequence[BoxPanel]) -> "Figure":
-    """Return a figure with one panel of box plots beside the other.
+    """Return a figure with one panel of box plots per group.
 
-    Boxes reach from the lower to the upper quartile with a line at the median, whiskers to the
-    last value within 1.5 times that height; what lies beyond is drawn one by one. Where values
-    span more than a decade the scale is logarithmic.
+    Boxes span the quartiles with a line at the median. Whiskers end at the last value within 1.5
+    times the box height, and values beyond are drawn as points. The scale is logarithmic if the
+    values span more than a decade.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        No panel, or one without a method.
+        There is no panel, or a panel has no method.
     """
     if not panels or not all(panel.values for panel in panels):
-        raise InvalidInput("a box plot needs a panel, and a method in each")
-    most = max(len(panel.values) for panel in panels)
-    figure = blank_figure(len(panels) * (1.2 + 0.75 * max(most, 4)), 4.6)
+        raise InvalidInput("a box plot needs at least one panel, and at least one method per panel")
+    columns = max(len(panel.values) for panel in panels)
+    figure = blank_figure(len(panels) * (1.2 + 0.75 * max(columns, 4)), 4.6)
     for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         _draw(axes, panel)
     return figure
@@ -62,20 +62,20 @@ def box_figure(panels: Sequence[BoxPanel]) -> "Figure":
 
 def _draw(axes: "Axes", panel: BoxPanel) -> None:
     names = [*panel.values]
-    kept = [values[np.isfinite(values)] for values in panel.values.values()]
-    for place, values in enumerate(kept, start=1):
+    finite = [values[np.isfinite(values)] for values in panel.values.values()]
+    for place, values in enumerate(finite, start=1):
         if len(values):
             _draw_box(axes, place, values)
-    drawn = np.concatenate(kept)
-    positive = drawn[drawn > 0.0]
-    if len(positive) and positive.max() > _STRAIGHT_FACTOR * positive.min():
+    every = np.concatenate(finite)
+    positive = every[every > 0.0]
+    if len(positive) and positive.max() > _MIN_LOG_FACTOR * positive.min():
         axes.set_yscale("log", nonpositive="clip")
-    elif len(drawn):
+    elif len(every):
         axes.set_ylim(bottom=0.0)
     axes.set_title(panel.title, fontsize=11, color=INK)
     labels = [
-        _label(name, len(values) - len(finite))
-        for (name, values), finite in zip(panel.values.items(), kept, strict=True)
+        _label(name, len(values) - len(drawn))
+        for (name, values), drawn in zip(panel.values.items(), finite, strict=True)
     ]
     axes.set_xlim(0.4, len(names) + 0.6)
     axes.set_xticks(range(1, len(names) + 1), labels, rotation=30, ha="right", fontsize=9)
@@ -87,7 +87,7 @@ def _draw(axes: "Axes", panel: BoxPanel) -> None:
 
 
 def _draw_box(axes: "Axes", place: int, values: Vector) -> None:
-    # Matplotlib's own box plot imports its state machine and looks for a screen.
+    # The box plot of Matplotlib imports pyplot, which looks for a screen.
     from matplotlib.patches import Rectangle
 
     box = box_plot(values)

@@ -1,4 +1,4 @@
-"""What all figures share: colours, a blank page, a map view in metres, and the way to a file."""
+"""Shared parts of all figures: colours, blank figures, map views in metres, files."""
 
 import math
 import os
@@ -31,7 +31,7 @@ CATEGORIES = (
     "#5d3a9b",
     "#7a5230",
 )
-"""Told apart with every common kind of colour vision (Okabe and Ito, and two darker ones)."""
+"""Colours for all common kinds of colour vision (Okabe and Ito, and two darker ones)."""
 
 ALARM = "#b00020"
 
@@ -39,31 +39,30 @@ FIGURE_ENDINGS = (".png", ".pdf", ".svg")
 
 _DPI = 150
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-_MOST_POINTS = 60_000
-"""More points than this in one view only cover each other."""
+_MAX_POINTS = 60_000
+"""Maximum number of points in a view; more only cover each other."""
 
 _CELL = 0.5
-"""Side of the cells [m] that tell where there is surface to see."""
+"""Size of the cells in which surface is counted [m]."""
 
-_UPRIGHT = 0.7
-"""Something stands in a cell with points this far above each other [m]."""
+_MIN_HEIGHT = 0.7
+"""Minimum height range of a cell with an object [m]."""
 
-_RICH = 40.0
-"""Points that make a cell as good to look at as can be."""
+_FULL_COUNT = 40.0
+"""Number of points from which a cell has the maximum score."""
 
-_LEVEL_WORTH = 1e-3
+_FLAT_WEIGHT = 1e-3
+"""Weight of cells without an object."""
 
 _SHOWN_SHARE = 97.0
-"""A view ends where this percentage of the points lies inside: the rest are a few far ones."""
-
+"""Percentile of the coordinates at which a view ends; a few points are far away."""
 
 _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "png": {"Software": None},
     "svg": {"Date": None, "Creator": None},
 }
-"""What Matplotlib would write of itself and the day; without it, the same scans give the same
-bytes."""
+"""Metadata with version and date, removed so that equal figures have equal bytes."""
 
 
 def require_figures() -> None:
@@ -77,7 +76,7 @@ def require_figures() -> None:
 
 
 def blank_figure(width: float, height: float) -> "Figure":
-    """Return an empty page [inch] that belongs to no window and to no global state."""
+    """Return an empty figure [inch] without a window and without global state."""
     require_figures()
     from matplotlib.figure import Figure
 
@@ -85,48 +84,48 @@ def blank_figure(width: float, height: float) -> "Figure":
 
 
 def save_figure(path: str | os.PathLike[str], figure: "Figure") -> None:
-    """Write a figure as the ending of the name says, one of `FIGURE_ENDINGS`.
+    """Write a figure in the format of the file name ending, one of `FIGURE_ENDINGS`.
 
     Raises
     ------
     InvalidInput
-        Another ending.
+        The ending is not supported.
     FileNotFoundError
         The folder does not exist.
     """
     ending = Path(path).suffix.lower()
     if ending not in FIGURE_ENDINGS:
         raise InvalidInput(
-            f"a picture must end in {', '.join(FIGURE_ENDINGS)}, got {os.fspath(path)!r}"
+            f"a figure file must end in {', '.join(FIGURE_ENDINGS)}, got {os.fspath(path)!r}"
         )
     suffix = ending.removeprefix(".")
     from matplotlib import rc_context
 
-    # The names of an SVG's parts are drawn anew each time unless they are salted.
+    # The ids in an SVG are random without a salt.
     with rc_context({"svg.hashsalt": Path(path).stem}), atomic_file(path) as handle:
         figure.savefig(handle, format=suffix, metadata=_METADATA[suffix])
 
 
-def thinned_rows(count: int) -> Labels:
-    """Return every k-th of `count` rows, so that no view holds more than it can show."""
-    return np.arange(0, count, max(1, -(-count // _MOST_POINTS)))
+def downsampled_rows(count: int) -> Labels:
+    """Return every k-th of `count` rows, at most the maximum number of points of a view."""
+    return np.arange(0, count, max(1, -(-count // _MAX_POINTS)))
 
 
 def window_around(*views: Matrix) -> tuple[Vector, float]:
-    """Return the middle and half the side [m] of a square that holds nearly all (n, 2) points."""
-    places = np.concatenate([view for view in views if len(view)] or [np.zeros((1, 2))])
-    low, high = np.percentile(places, [100.0 - _SHOWN_SHARE, _SHOWN_SHARE], axis=0)
+    """Return centre and half side [m] of a square around nearly all (n, 2) points."""
+    points = np.concatenate([view for view in views if len(view)] or [np.zeros((1, 2))])
+    low, high = np.percentile(points, [100.0 - _SHOWN_SHARE, _SHOWN_SHARE], axis=0)
     half = 0.5 * float((high - low).max())
     return 0.5 * (low + high), max(1.08 * half, 1.0)
 
 
-def square_view(axes: "Axes", middle: Vector, half: float, labels: Sequence[str]) -> None:
-    """Dress axes as a square map in metres around a middle, with as few marks as it takes."""
+def set_map_view(axes: "Axes", centre: Vector, half: float, labels: Sequence[str]) -> None:
+    """Format axes as a square map in metres with few ticks."""
     from matplotlib.ticker import MaxNLocator
 
     axes.set_aspect("equal", adjustable="box")
-    axes.set_xlim(middle[0] - half, middle[0] + half)
-    axes.set_ylim(middle[1] - half, middle[1] + half)
+    axes.set_xlim(centre[0] - half, centre[0] + half)
+    axes.set_ylim(centre[1] - half, centre[1] + half)
     for axis, label in zip((axes.xaxis, axes.yaxis), labels, strict=True):
         axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
         axis.set_label_text(label, fontsize=8, color=FAINT)
@@ -137,46 +136,45 @@ def square_view(axes: "Axes", middle: Vector, half: float, labels: Sequence[str]
         spine.set_color("#cccccc")
 
 
-def richest_square(clouds: Sequence[Points], middle: Vector, half: float, side: float) -> Vector:
-    """Return the lower left corner of the square where all clouds together show most surface.
+def close_up_corner(clouds: Sequence[Points], centre: Vector, half: float, side: float) -> Vector:
+    """Return the lower left corner of the square with the most surface in all clouds.
 
-    What stands upright is worth looking at, from above as well; level surfaces decide only
-    where nothing stands.
+    Cells with objects count fully, flat surfaces only in the absence of objects.
 
     Parameters
     ----------
     clouds : sequence of (n, 3) [m]
-        A cell of the map counts for what the cloud with the least in it shows there.
-    middle, half : (2,), float [m]
-        The map to look in; see `window_around`.
+        Clouds in one frame; the score of a cell is the minimum over the clouds.
+    centre, half : (2,), float [m]
+        Searched part of the map, see `window_around`.
     side : float [m]
-        Side of the square looked for.
+        Side of the square.
     """
-    low = middle - half
+    low = centre - half
     cells = max(1, math.ceil(2.0 * half / _CELL))
     span = min(cells, max(1, int(side / _CELL)))
-    worth = np.minimum.reduce([_worth(points, low, cells) for points in clouds])
-    sums = np.pad(worth.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    scores = np.minimum.reduce([_cell_scores(points, low, cells) for points in clouds])
+    sums = np.pad(scores.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     inside = sums[span:, span:] - sums[:-span, span:] - sums[span:, :-span] + sums[:-span, :-span]
-    place = np.unravel_index(int(inside.argmax()), inside.shape)
-    return low + _CELL * np.array(place, dtype=np.float64)
+    best = np.unravel_index(int(inside.argmax()), inside.shape)
+    return low + _CELL * np.array(best, dtype=np.float64)
 
 
-def _worth(points: Points, low: Vector, cells: int) -> Matrix:
-    """Return up to 1 for each cell of a map with something upright, much less for the others."""
+def _cell_scores(points: Points, low: Vector, cells: int) -> Matrix:
+    """Return scores up to 1 of cells with an object, and much smaller ones of the others."""
     index = np.floor((points[:, :2] - low) / _CELL).astype(np.int64)
-    kept = ((index >= 0) & (index < cells)).all(axis=1)
-    flat = index[kept, 0] * cells + index[kept, 1]
+    inside = ((index >= 0) & (index < cells)).all(axis=1)
+    flat = index[inside, 0] * cells + index[inside, 1]
     lowest, highest = np.full(cells * cells, np.inf), np.full(cells * cells, -np.inf)
-    np.minimum.at(lowest, flat, points[kept, 2])
-    np.maximum.at(highest, flat, points[kept, 2])
-    worth = np.minimum(np.bincount(flat, minlength=cells * cells) / _RICH, 1.0)
-    worth[~(highest - lowest > _UPRIGHT)] *= _LEVEL_WORTH
-    return worth.reshape(cells, cells)
+    np.minimum.at(lowest, flat, points[inside, 2])
+    np.maximum.at(highest, flat, points[inside, 2])
+    scores = np.minimum(np.bincount(flat, minlength=cells * cells) / _FULL_COUNT, 1.0)
+    scores[~(highest - lowest > _MIN_HEIGHT)] *= _FLAT_WEIGHT
+    return scores.reshape(cells, cells)
 
 
-def frame(axes: "Axes", corner: Vector, side: float) -> None:
-    """Mark a square of a map, the part that another view shows closer."""
+def draw_frame(axes: "Axes", corner: Vector, side: float) -> None:
+    """Draw the outline of the close-up on a map."""
     from matplotlib.patches import Rectangle
 
     axes.add_patch(
@@ -185,29 +183,29 @@ def frame(axes: "Axes", corner: Vector, side: float) -> None:
 
 
 def scatter(axes: "Axes", view: Matrix, colours: Any, *, size: float) -> None:
-    """Draw (n, 2) points as dots without edges, as an image inside vector files."""
+    """Draw (n, 2) points as dots without edges, rasterised inside vector files."""
     axes.scatter(view[:, 0], view[:, 1], s=size, c=colours, linewidths=0, rasterized=True)
 
 
-def mingled(count: int) -> Labels:
-    """Return an order of `count` things in which no part of them comes last, always the same.
+def interleaved_order(count: int) -> Labels:
+    """Return a fixed order of `count` points that spreads every contiguous part evenly.
 
-    Drawn in this order, neither of two clouds that coincide hides the other.
+    Drawn in this order, neither of two aligned clouds covers the other.
     """
     return np.argsort(np.arange(count) * _GOLDEN % 1.0, kind="stable").astype(np.int64)
 
 
-def overlay(axes: "Axes", fixed: Points, moved: Points, size: float) -> None:
-    """Draw two clouds from above, in blue what stays and in vermilion what moves."""
-    fixed, moved = fixed[thinned_rows(len(fixed))], moved[thinned_rows(len(moved))]
-    views = np.concatenate([fixed[:, :2], moved[:, :2]])
-    colours = np.repeat([BLUE, VERMILION], [len(fixed), len(moved)])
-    order = mingled(len(views))
+def overlay(axes: "Axes", target: Points, source: Points, size: float) -> None:
+    """Draw two clouds in one frame from above, the target blue and the source vermilion."""
+    target, source = (one[downsampled_rows(len(one))] for one in (target, source))
+    views = np.concatenate([target[:, :2], source[:, :2]])
+    colours = np.repeat([BLUE, VERMILION], [len(target), len(source)])
+    order = interleaved_order(len(views))
     scatter(axes, views[order], colours[order], size=size)
 
 
 def legend_below(figure: "Figure", colours: Mapping[str, str]) -> None:
-    """Say once, in a row below the views, which colour is what."""
+    """Draw one legend of the colours below all views."""
     from matplotlib.lines import Line2D
 
     marks = [

@@ -1,4 +1,4 @@
-"""The map of a drive from above, coloured by height, with the way of the sensor through it."""
+"""Figure of the map of a drive from above, coloured by height, with the sensor path."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from scanlock.report.canvas import (
     ALARM,
     INK,
     blank_figure,
-    square_view,
+    set_map_view,
     window_around,
 )
 
@@ -20,70 +20,71 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PIXELS = 1000
-"""Pixels along the side of the map; each shows the highest of its points."""
+"""Number of pixels along a side; each shows its highest point."""
 
 _COLOURS = "viridis"
 _COLOURED_SHARE = 96.0
-"""Colours span this percentage of the heights: birds and holes would take up all of them."""
+"""Percentage of the heights that the colours span, without outliers such as birds."""
 
 _MARGIN = 1.06
 
 
 def drive_figure(
-    points: Points, path: Points, *, doubtful: Sequence[int] = (), title: str = ""
+    points: Points, path: Points, *, untrusted: Sequence[int] = (), title: str = ""
 ) -> "Figure":
     """Return a figure of a map from above: the highest point of each pixel, coloured by height.
 
     Parameters
     ----------
     points : (n, 3) [m]
-        The map; any number of points costs one pass over them.
+        Points of the map.
     path : (k, 3) [m]
-        Where the sensor was, in the frame of the map.
-    doubtful : sequence of int
-        Rows of `path` whose motion from the row before is not to be trusted; those stretches are
+        Positions of the sensor in the frame of the map.
+    untrusted : sequence of int
+        Rows of `path` whose motion from the previous row has no status ok; these sections are
         drawn in red.
     title : str
-        What to say above the map, in red where a motion is in doubt.
+        Title, in red if a motion is not trusted.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        A map without points, or a path without places.
+        The map has no points, or the path has no positions.
     """
     if len(points) == 0 or len(path) == 0:
         raise InvalidInput(
-            f"a figure of a drive needs points and a path, got {len(points)} and {len(path)} rows"
+            f"a figure of a drive needs points and a path, got {len(points)} points and a path of "
+            f"{len(path)} positions"
         )
     figure = blank_figure(8.4, 7.6)
     axes = figure.subplots()
-    middle, half = _window(points, path)
-    heights = _highest(points, middle, half)
-    _shade(figure, axes, heights, middle, half)
+    centre, half = _window(points, path)
+    heights = _highest(points, centre, half)
+    _shade(figure, axes, heights, centre, half)
     axes.plot(path[:, 0], path[:, 1], color="white", linewidth=3.0)
     axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=1.4)
-    for row in doubtful:
-        stretch = path[max(row - 1, 0) : row + 1]
-        axes.plot(stretch[:, 0], stretch[:, 1], color=ALARM, linewidth=2.4, marker="o", ms=4)
+    for row in untrusted:
+        section = path[max(row - 1, 0) : row + 1]
+        axes.plot(section[:, 0], section[:, 1], color=ALARM, linewidth=2.4, marker="o", ms=4)
     axes.plot(*path[0, :2], color=INK, marker="o", ms=5, mec="white")
-    square_view(axes, middle, half, ("x [m]", "y [m]"))
+    set_map_view(axes, centre, half, ("x [m]", "y [m]"))
     if title:
-        axes.set_title(title, fontsize=11, color=ALARM if len(doubtful) else INK)
+        axes.set_title(title, fontsize=11, color=ALARM if len(untrusted) else INK)
     return figure
 
 
 def _window(points: Points, path: Points) -> tuple[Vector, float]:
-    """Return the middle and half the side [m] of what is shown: nearly all, and all of the path."""
-    middle, half = window_around(points[:, :2], path[:, :2])
-    farthest = float(np.abs(path[:, :2] - middle).max())
-    return middle, max(half, _MARGIN * farthest)
+    """Return centre and half side [m] of a square around nearly all points and the path."""
+    centre, half = window_around(points[:, :2], path[:, :2])
+    farthest = float(np.abs(path[:, :2] - centre).max())
+    return centre, max(half, _MARGIN * farthest)
 
 
-def _highest(points: Points, middle: Vector, half: float) -> Matrix:
-    """Return the (rows, columns) greatest heights [m], rows along y; NaN where there is nothing."""
-    index = np.floor((points[:, :2] - middle + half) * (_PIXELS / (2.0 * half))).astype(np.int64)
+def _highest(points: Points, centre: Vector, half: float) -> Matrix:
+    """Return the (rows, columns) maximum heights [m], rows along y; NaN without a point."""
+    index = np.floor((points[:, :2] - centre + half) * (_PIXELS / (2.0 * half))).astype(np.int64)
     inside = ((index >= 0) & (index < _PIXELS)).all(axis=1)
     heights = np.full(_PIXELS * _PIXELS, -np.inf)
     np.maximum.at(heights, index[inside, 1] * _PIXELS + index[inside, 0], points[inside, 2])
@@ -91,15 +92,15 @@ def _highest(points: Points, middle: Vector, half: float) -> Matrix:
     return heights.reshape(_PIXELS, _PIXELS)
 
 
-def _shade(figure: "Figure", axes: "Axes", heights: Matrix, middle: Vector, half: float) -> None:
-    seen = heights[np.isfinite(heights)]
+def _shade(figure: "Figure", axes: "Axes", heights: Matrix, centre: Vector, half: float) -> None:
+    finite = heights[np.isfinite(heights)]
     tail = 0.5 * (100.0 - _COLOURED_SHARE)
-    low, high = np.percentile(seen, [tail, 100.0 - tail]) if len(seen) else (0.0, 1.0)
+    low, high = np.percentile(finite, [tail, 100.0 - tail]) if len(finite) else (0.0, 1.0)
     image = axes.imshow(
         heights,
         cmap=_COLOURS,
         origin="lower",
-        extent=(middle[0] - half, middle[0] + half, middle[1] - half, middle[1] + half),
+        extent=(centre[0] - half, centre[0] + half, centre[1] - half, centre[1] + half),
         interpolation="nearest",
         vmin=low,
         vmax=high,

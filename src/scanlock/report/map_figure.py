@@ -1,4 +1,4 @@
-"""Maps of several methods from above, and one place of them closer, as Figure 4 of Das et al."""
+"""Figure of maps from above, each with a close-up, as Figure 4 of Das et al. 2013."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ from scanlock.report.canvas import (
     INK,
     VERMILION,
     blank_figure,
-    frame,
-    richest_square,
-    square_view,
-    thinned_rows,
+    close_up_corner,
+    downsampled_rows,
+    draw_frame,
+    set_map_view,
     window_around,
 )
 
@@ -26,59 +26,58 @@ if TYPE_CHECKING:
 
 _COLUMNS = 4
 _CLOSE_UP = 20.0
-"""Side of the place that is shown closer [m]; smaller maps show a quarter of theirs."""
+"""Side of the close-up [m]; a quarter of the side for smaller maps."""
 
-_STATIONS = 50
-"""Places of the path that are looked about for the close-up."""
+_POSITIONS = 50
+"""Number of path positions around which the close-up is searched."""
 
 _PIXELS = 440
-"""Pixels along the side of a view."""
+"""Number of pixels along a side of a view."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnMap:
-    """A map to look at.
+    """Points and path of a map.
 
     Attributes
     ----------
-    standing : (n, 3) [m]
-        Its points, best without those on the ground, which say little and hide the rest.
+    points : (n, 3) [m]
+        Points of the map, preferably above the ground, which would cover them.
     path : (k, 3) [m]
-        Where the sensor was.
+        Positions of the sensor.
     caption : str
-        What to say of it below its name.
+        Line below the name of the map.
     """
 
-    standing: Points
+    points: Points
     path: Points
     caption: str = ""
 
     def __post_init__(self) -> None:
-        frozen(self.standing)
+        frozen(self.points)
         frozen(self.path)
 
 
 def map_figure(maps: Mapping[str, DrawnMap], *, title: str = "") -> "Figure":
-    """Return a figure of maps in one frame: whole with the path, and closer inside the frame.
+    """Return a figure of maps: the whole map with the path, and a close-up.
 
-    Each pixel is the darker the more points fall into it, so that what is smeared is pale. All
-    maps share a window that holds nearly all of every one, however far some have strayed, and the
-    place of the close-up, which is chosen on the first.
+    Pixels with more points are darker, so blurred surfaces are pale. All maps share one window
+    around nearly all points of all maps, and one close-up, which is chosen on the first map.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        No map, or one without points.
+        There is no map, or a map has no points.
     """
-    if not maps or any(len(drawn.standing) == 0 for drawn in maps.values()):
-        raise InvalidInput("a map figure needs maps with points in them")
+    if not maps or any(len(drawn.points) == 0 for drawn in maps.values()):
+        raise InvalidInput("a map figure needs at least one map, and points in each")
     first = next(iter(maps.values()))
-    own_middle, own_half = window_around(first.standing[:, :2], first.path[:, :2])
+    own_centre, own_half = window_around(first.points[:, :2], first.path[:, :2])
     side = min(_CLOSE_UP, 0.5 * own_half)
-    corner = _place_by_the_path(first, own_middle, own_half, side)
-    middle, half = _common_window([*maps.values()])
+    corner = _close_up_near_path(first, own_centre, own_half, side)
+    centre, half = _common_window([*maps.values()])
     blocks = -(-len(maps) // _COLUMNS)
     columns = -(-len(maps) // blocks)
     figure = blank_figure(3.3 * columns + 0.5, blocks * 7.0 + 0.3 * bool(title))
@@ -92,35 +91,35 @@ def map_figure(maps: Mapping[str, DrawnMap], *, title: str = "") -> "Figure":
         whole, close = grid[2 * block, column], grid[2 * block + 1, column]
         for axes in (whole, close):
             axes.set_axis_on()
-        _shade(whole, drawn.standing, middle, half)
+        _shade(whole, drawn.points, centre, half)
         whole.plot(drawn.path[:, 0], drawn.path[:, 1], color=VERMILION, linewidth=0.9)
-        square_view(whole, middle, half, ("", "y [m]" if column == 0 else ""))
+        set_map_view(whole, centre, half, ("", "y [m]" if column == 0 else ""))
         whole.set_title(_title(name, drawn), fontsize=10, color=INK)
-        frame(whole, corner, side)
-        _shade(close, drawn.standing, corner + 0.5 * side, 0.5 * side)
-        square_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]" * (column == 0)))
+        draw_frame(whole, corner, side)
+        _shade(close, drawn.points, corner + 0.5 * side, 0.5 * side)
+        set_map_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]" * (column == 0)))
         close.set_title("inside the frame", fontsize=9, color=FAINT)
     return figure
 
 
 def _common_window(maps: Sequence[DrawnMap]) -> tuple[Vector, float]:
-    """Return the middle and half the side [m] of a square around the windows of all maps."""
-    windows = [window_around(drawn.standing[:, :2], drawn.path[:, :2]) for drawn in maps]
-    low = np.min([middle - half for middle, half in windows], axis=0)
-    high = np.max([middle + half for middle, half in windows], axis=0)
+    """Return centre and half side [m] of a square around the windows of all maps."""
+    windows = [window_around(drawn.points[:, :2], drawn.path[:, :2]) for drawn in maps]
+    low = np.min([centre - half for centre, half in windows], axis=0)
+    high = np.max([centre + half for centre, half in windows], axis=0)
     return 0.5 * (low + high), 0.5 * float((high - low).max())
 
 
-def _place_by_the_path(drawn: DrawnMap, middle: Vector, half: float, side: float) -> Vector:
-    """Return the corner of the close-up: near the path, where several scans see the same."""
-    stations = drawn.path[:: max(1, len(drawn.path) // _STATIONS), :2]
-    points = drawn.standing[thinned_rows(len(drawn.standing))]
-    gaps = np.abs(points[:, None, :2] - stations[None]).max(axis=2).min(axis=1)
-    return richest_square([points[gaps < side]], middle, half, side)
+def _close_up_near_path(drawn: DrawnMap, centre: Vector, half: float, side: float) -> Vector:
+    """Return the corner of the close-up, near the path, where scans overlap."""
+    positions = drawn.path[:: max(1, len(drawn.path) // _POSITIONS), :2]
+    points = drawn.points[downsampled_rows(len(drawn.points))]
+    distances = np.abs(points[:, None, :2] - positions[None]).max(axis=2).min(axis=1)
+    return close_up_corner([points[distances < side]], centre, half, side)
 
 
-def _shade(axes: "Axes", points: Points, middle: Vector, half: float) -> None:
-    limits = [(middle[axis] - half, middle[axis] + half) for axis in (0, 1)]
+def _shade(axes: "Axes", points: Points, centre: Vector, half: float) -> None:
+    limits = [(centre[axis] - half, centre[axis] + half) for axis in (0, 1)]
     counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=_PIXELS, range=limits)
     axes.imshow(
         np.log1p(_capped(counts)).T,
@@ -133,7 +132,7 @@ def _shade(axes: "Axes", points: Points, middle: Vector, half: float) -> None:
 
 
 def _capped(counts: Matrix) -> Matrix:
-    # A few pixels under the sensor's nose hold thousands of points and would pale all others.
+    # A few pixels near the sensor hold thousands of points and would make all others pale.
     filled = counts[counts > 0.0]
     return np.minimum(counts, np.percentile(filled, 98.0)) if len(filled) else counts
 

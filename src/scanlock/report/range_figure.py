@@ -1,4 +1,4 @@
-"""Range images of a ladar, one above the other, in one scale of colours."""
+"""Figure of range images with a common colour scale."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -14,28 +14,30 @@ if TYPE_CHECKING:
 
 _COLOURS = "viridis_r"
 _SHOWN_SHARE = 98.0
-"""Colours end at this percentage of the ranges: a few far returns would take up all of them."""
+"""Percentile of the ranges at which the colours end; a few returns are far away."""
 
 
 def range_figure(images: Mapping[str, Matrix]) -> "Figure":
-    """Return a figure of range images as the sensor took them, grey where nothing came back.
+    """Return a figure of range images, grey without a return.
 
     Parameters
     ----------
     images : mapping of str to (r, c) [m]
-        By what they show; NaN where empty.
+        Range images by title; NaN without a return.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        No image, or none with a range.
+        There is no image, or no image has a range.
     """
-    seen = [image[np.isfinite(image)] for image in images.values()]
-    if not sum(len(ranges) for ranges in seen):
-        raise InvalidInput(f"range images must hold a range, got {len(images)} without any")
-    farthest = float(np.percentile(np.concatenate(seen), _SHOWN_SHARE))
+    finite = [image[np.isfinite(image)] for image in images.values()]
+    if not sum(len(ranges) for ranges in finite):
+        raise InvalidInput(
+            f"range images need at least one range, got {len(images)} images without any"
+        )
+    farthest = float(np.percentile(np.concatenate(finite), _SHOWN_SHARE))
     figure = blank_figure(9.0, 0.6 + 1.9 * len(images))
     rows = figure.subplots(len(images), 1, squeeze=False)[:, 0]
     for axes, (title, image) in zip(rows, images.items(), strict=True):

@@ -1,4 +1,4 @@
-"""Two scans before and after their registration: from above, and a close look at one place."""
+"""Figure of two scans before and after registration, from above and as a close-up."""
 
 import math
 from typing import TYPE_CHECKING
@@ -17,11 +17,11 @@ from scanlock.report.canvas import (
     INK,
     VERMILION,
     blank_figure,
-    frame,
+    close_up_corner,
+    draw_frame,
     legend_below,
     overlay,
-    richest_square,
-    square_view,
+    set_map_view,
     window_around,
 )
 from scanlock.segmentation.segmentation import segment
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CLOSE_UP = 0.22
-"""Side of the close-up over that of the whole view."""
+"""Ratio of the side of the close-up to that of the whole view."""
 
 
 def registration_figure(
@@ -41,59 +41,59 @@ def registration_figure(
     initial: Pose | None = None,
     truth: Pose | None = None,
 ) -> "Figure":
-    """Return a figure of two scans as they were and as a registration leaves them.
+    """Return a figure of two scans before and after registration.
 
-    Points on the ground are left out of the picture: their rings say little and hide the rest.
+    Ground points are omitted, because their rings cover the other points.
 
     Parameters
     ----------
     target, source : (n, 3+) array or PointCloud [m]
-        What was registered.
-    result : Registration
-        Where the source came to lie.
+        Registered scans.
+    result : RegistrationResult
+        Result of the registration.
     initial : Pose, optional
-        Where it started; the identity by default.
+        Initial pose of the source; the identity by default.
     truth : Pose, optional
-        The true target_from_source, if it is known: the title then tells the error.
+        True target_from_source; adds the error to the title.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        A scan of the wrong shape or type, or without a finite point.
+        A scan has the wrong shape or type, or no finite point.
     """
     figure = blank_figure(9.0, 9.8)
     clouds = PointCloud.from_array(target, "target"), PointCloud.from_array(source, "source")
-    frames = LocalOrigins.of_clouds(*clouds)
-    fixed, moving = (_standing(cloud) for cloud in clouds)
+    origins = LocalOrigins.of_clouds(*clouds)
+    target_points, source_points = (_obstacles(cloud) for cloud in clouds)
     start, end = (
-        frames.local(pose).apply(moving)
+        origins.local(pose).apply(source_points)
         for pose in (initial or Pose.identity(), result.target_from_source)
     )
-    middle, half = window_around(fixed[:, :2], end[:, :2])
+    centre, half = window_around(target_points[:, :2], end[:, :2])
     side = 2.0 * half * _CLOSE_UP
-    corner = richest_square([fixed, end], middle, half, side)
+    corner = close_up_corner([target_points, end], centre, half, side)
     figure.suptitle(
         _title(result, truth), fontsize=12, linespacing=1.5, color=INK if result.ok else ALARM
     )
-    legend_below(figure, {"reference (stays)": BLUE, "scene (moves)": VERMILION})
+    legend_below(figure, {"target": BLUE, "source": VERMILION})
     axes = figure.subplots(2, 2)
-    for column, (name, moved) in enumerate((("before", start), ("after", end))):
+    for column, (name, points) in enumerate((("before", start), ("after", end))):
         whole, close = axes[:, column]
-        overlay(whole, fixed, moved, 0.6)
-        square_view(whole, middle, half, ("", "y [m]"))
+        overlay(whole, target_points, points, 0.6)
+        set_map_view(whole, centre, half, ("", "y [m]"))
         whole.set_title(name, fontsize=11, color=INK)
-        frame(whole, corner, side)
-        overlay(close, fixed, moved, 2.5)
-        square_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]"))
+        draw_frame(whole, corner, side)
+        overlay(close, target_points, points, 2.5)
+        set_map_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]"))
         close.set_title(f"{name}, inside the frame", fontsize=9, color=FAINT)
     return figure
 
 
-def _standing(cloud: PointCloud) -> Points:
-    standing = cloud.points[~segment(cloud).is_ground[cloud.rows]]
-    return standing if len(standing) else cloud.points
+def _obstacles(cloud: PointCloud) -> Points:
+    obstacles = cloud.points[~segment(cloud).is_ground[cloud.rows]]
+    return obstacles if len(obstacles) else cloud.points
 
 
 def _title(result: RegistrationResult, truth: Pose | None) -> str:

@@ -1,4 +1,4 @@
-"""What a probability said, and how often it was so."""
+"""Reliability diagram: predicted probabilities against observed frequencies."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -13,58 +13,65 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def reliability_figure(said: Vector, right: Mask, edges: Sequence[float]) -> "Figure":
-    """Return a figure with how often what was said came true, by bins of what was said.
+def reliability_figure(probabilities: Vector, outcomes: Mask, edges: Sequence[float]) -> "Figure":
+    """Return a figure of the observed frequency by bins of the predicted probability.
 
     Parameters
     ----------
-    said : (n,)
-        Probabilities, in [0, 1].
-    right : (n,)
-        Whether it was so.
+    probabilities : (n,)
+        Predicted probabilities, in [0, 1].
+    outcomes : (n,)
+        Whether the predicted events occurred.
     edges : sequence of float
-        Of the bins, ascending. Bars are intervals of 95 % after Wilson (1927).
+        Ascending edges of the bins.
 
     Raises
     ------
     MissingExtra
         Matplotlib is not installed.
     InvalidInput
-        Nothing was said, or the two differ in length.
+        The arrays are empty or differ in length.
+
+    Notes
+    -----
+    Error bars are 95 % intervals after Wilson (1927).
     """
-    if len(said) == 0 or len(said) != len(right):
-        raise InvalidInput(f"said and right must be as long, got {len(said)} and {len(right)}")
+    if len(probabilities) == 0 or len(probabilities) != len(outcomes):
+        raise InvalidInput(
+            "probabilities and outcomes must have the same length, at least 1, got "
+            f"{len(probabilities)} and {len(outcomes)}"
+        )
     figure = blank_figure(9.0, 4.2)
     curve, counts = figure.subplots(1, 2)
-    bins = np.digitize(said, edges[1:-1])
+    bins = np.digitize(probabilities, edges[1:-1])
     used = np.unique(bins)
-    means = np.array([said[bins == one].mean() for one in used])
-    shares = np.array([right[bins == one].mean() for one in used])
+    means = np.array([probabilities[bins == one].mean() for one in used])
+    ratios = np.array([outcomes[bins == one].mean() for one in used])
     sizes = np.array([(bins == one).sum() for one in used])
-    low, high = _wilson(shares, sizes)
-    curve.plot([0.0, 1.0], [0.0, 1.0], color=FAINT, linewidth=1.0, label="as said")
+    low, high = _wilson(ratios, sizes)
+    curve.plot([0.0, 1.0], [0.0, 1.0], color=FAINT, linewidth=1.0, label="perfect calibration")
     curve.errorbar(
-        means, shares, yerr=np.maximum(0.0, [shares - low, high - shares]), fmt="o",
-        color=CATEGORIES[0], markersize=5, label="poses, with 95 %",
+        means, ratios, yerr=np.maximum(0.0, [ratios - low, high - ratios]), fmt="o",
+        color=CATEGORIES[0], markersize=5, label="poses with 95 % intervals",
     )  # fmt: skip
-    curve.set_xlabel("probability said", color=FAINT)
-    curve.set_ylabel("share that is right", color=FAINT)
+    curve.set_xlabel("predicted probability", color=FAINT)
+    curve.set_ylabel("ratio of correct poses", color=FAINT)
     curve.legend(fontsize=8, labelcolor=INK, loc="upper left")
-    both = [said[right], said[~right]]
+    both = [probabilities[outcomes], probabilities[~outcomes]]
     counts.hist(
         both, bins=np.linspace(0.0, 1.0, 41).tolist(), stacked=True,
-        color=[CATEGORIES[0], CATEGORIES[1]], label=["right", "wrong"],
+        color=[CATEGORIES[0], CATEGORIES[1]], label=["correct", "wrong"],
     )  # fmt: skip
     counts.set_yscale("log")
-    counts.set_xlabel("probability said", color=FAINT)
+    counts.set_xlabel("predicted probability", color=FAINT)
     counts.set_ylabel("poses", color=FAINT)
     counts.legend(fontsize=8, labelcolor=INK, loc="upper center")
     return figure
 
 
-def _wilson(shares: Vector, sizes: Vector) -> tuple[Vector, Vector]:
-    """Return the ends of the intervals that hold the true shares with 95 %."""
+def _wilson(ratios: Vector, sizes: Vector) -> tuple[Vector, Vector]:
+    """Return the ends of the 95 % intervals of the true ratios."""
     square = 1.96**2 / sizes
-    middle = (shares + 0.5 * square) / (1.0 + square)
-    half = np.sqrt(square * (shares * (1.0 - shares) + 0.25 * square)) / (1.0 + square)
-    return middle - half, middle + half
+    centre = (ratios + 0.5 * square) / (1.0 + square)
+    half = np.sqrt(square * (ratios * (1.0 - ratios) + 0.25 * square)) / (1.0 + square)
+    return centre - half, centre + half

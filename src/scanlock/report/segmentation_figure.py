@@ -1,4 +1,4 @@
-"""One scan in its ground and clusters: all of it from above, and a close look at one place."""
+"""Figure of a segmented scan: ground and clusters from above, and as a close-up."""
 
 import math
 from typing import TYPE_CHECKING
@@ -14,12 +14,12 @@ from scanlock.report.canvas import (
     GROUND,
     INK,
     blank_figure,
-    frame,
+    close_up_corner,
+    downsampled_rows,
+    draw_frame,
     legend_below,
-    richest_square,
     scatter,
-    square_view,
-    thinned_rows,
+    set_map_view,
     window_around,
 )
 from scanlock.segmentation.ground.finder import GroundStatus
@@ -31,17 +31,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CLOSE_UP = 0.3
-"""Side of the close-up over that of the whole view."""
+"""Ratio of the side of the close-up to that of the whole view."""
 
 _AZIMUTH, _ELEVATION = math.radians(15.0), math.radians(48.0)
-"""Where the close-up is looked at from [rad]: turned to the side, and above the horizon."""
+"""Azimuth and elevation of the view of the close-up [rad]."""
 
 
 def segmentation_figure(segmentation: Segmentation) -> "Figure":
-    """Return a figure of a segmented scan: ground in grey, each cluster in one of a few colours.
+    """Return a figure of a segmented scan with grey ground and coloured clusters.
 
-    Neighbouring clusters may share a colour by chance; points that are neither ground nor in a
-    cluster are small and grey.
+    Neighbouring clusters may have the same colour. Points that are neither ground nor in a
+    cluster are dark grey.
 
     Raises
     ------
@@ -51,19 +51,19 @@ def segmentation_figure(segmentation: Segmentation) -> "Figure":
     figure = blank_figure(10.5, 6.2)
     cloud = segmentation.cloud
     labels = segmentation.labels[cloud.rows]
-    standing = cloud.points[labels > GROUND_LABEL]
-    middle, half = window_around((standing if len(standing) else cloud.points)[:, :2])
+    obstacles = cloud.points[labels > GROUND_LABEL]
+    centre, half = window_around((obstacles if len(obstacles) else cloud.points)[:, :2])
     side = 2.0 * half * _CLOSE_UP
-    corner = richest_square([standing], middle, half, side)
+    corner = close_up_corner([obstacles], centre, half, side)
     found = segmentation.ground.status is not GroundStatus.NONE
     figure.suptitle(_title(segmentation), fontsize=12, color=INK if found else ALARM)
     whole, close = figure.subplots(1, 2)
     _draw(whole, cloud.points, labels)
-    square_view(whole, middle, half, ("x [m]", "y [m]"))
+    set_map_view(whole, centre, half, ("x [m]", "y [m]"))
     whole.set_title("from above", fontsize=11, color=INK)
-    frame(whole, corner, side)
+    draw_frame(whole, corner, side)
     _draw_oblique(close, cloud.points, labels, corner, side)
-    close.set_title("inside the frame, at a slant", fontsize=11, color=INK)
+    close.set_title("inside the frame, oblique view", fontsize=11, color=INK)
     legend_below(
         figure,
         {"ground": GROUND, "clusters, each in one colour": CATEGORIES[0], "neither": FAINT},
@@ -72,8 +72,8 @@ def segmentation_figure(segmentation: Segmentation) -> "Figure":
 
 
 def _draw(axes: "Axes", points: Points, labels: Labels) -> None:
-    rows = thinned_rows(len(points))
-    # Ground first, so that what stands on it lies on top.
+    rows = downsampled_rows(len(points))
+    # Ground first, below the clusters.
     rows = rows[np.argsort(labels[rows] != GROUND_LABEL, kind="stable")]
     scatter(axes, points[rows, :2], _colours(labels[rows]), size=0.5)
 
@@ -83,12 +83,12 @@ def _draw_oblique(
 ) -> None:
     inside = ((points[:, :2] >= corner) & (points[:, :2] <= corner + side)).all(axis=1)
     points, labels = points[inside], labels[inside]
-    rows = thinned_rows(len(points))
+    rows = downsampled_rows(len(points))
     points, labels = points[rows], labels[rows]
-    plan = (points[:, :2] - corner - 0.5 * side) @ _turn(_AZIMUTH)
-    order = np.argsort(-plan[:, 1], kind="stable")
+    rotated = (points[:, :2] - corner - 0.5 * side) @ _rotation(_AZIMUTH)
+    order = np.argsort(-rotated[:, 1], kind="stable")
     view = np.column_stack(
-        [plan[:, 0], plan[:, 1] * math.sin(_ELEVATION) + points[:, 2] * math.cos(_ELEVATION)]
+        [rotated[:, 0], rotated[:, 1] * math.sin(_ELEVATION) + points[:, 2] * math.cos(_ELEVATION)]
     )
     scatter(axes, view[order], _colours(labels[order]), size=2.0)
     axes.set_aspect("equal", adjustable="datalim")
@@ -99,7 +99,7 @@ def _draw_oblique(
         spine.set_color("#cccccc")
 
 
-def _turn(angle: float) -> Matrix:
+def _rotation(angle: float) -> Matrix:
     return np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
 
 
@@ -114,5 +114,5 @@ def _title(segmentation: Segmentation) -> str:
     ground = segmentation.ground
     if ground.status is GroundStatus.NONE:
         return f"{segmentation.cluster_count} clusters, no ground: {ground.reason}"
-    share = 100.0 * float(ground.is_ground.mean())
-    return f"ground ({share:.0f} % of the points) and {segmentation.cluster_count} clusters"
+    percent = 100.0 * float(ground.is_ground.mean())
+    return f"ground ({percent:.0f} % of the points) and {segmentation.cluster_count} clusters"

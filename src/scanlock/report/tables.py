@@ -1,4 +1,4 @@
-"""One table, three ways: aligned text, Markdown for people, CSV with every digit."""
+"""Tables with three outputs: texts for the screen, Markdown, and CSV with full precision."""
 
 import csv
 import io
@@ -10,32 +10,35 @@ from scanlock.errors import InvalidInput
 
 Cell = str | int | float
 
-_NOTHING = "-"
-"""What people see of a number that is not there."""
+_MISSING = "-"
+"""Text of a missing number."""
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """The head of a column, with the unit, and how people read its numbers (``".3f"``)."""
+    """Header of a column with the unit, and the format of its numbers (``".3f"``)."""
 
     head: str
-    form: str = ""
+    """Header with the unit."""
+
+    number_format: str = ""
+    """Format specification of the numbers."""
 
     def text(self, value: Cell) -> str:
-        """Return a cell for people."""
+        """Return the rounded text of a cell."""
         if isinstance(value, str):
             return value
-        return _NOTHING if math.isnan(value) else format(value, self.form)
+        return _MISSING if math.isnan(value) else format(value, self.number_format)
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of text and numbers under their heads; NaN stands for a number that is not there.
+    """Rows of texts and numbers with column headers; NaN is a missing number.
 
     Raises
     ------
     InvalidInput
-        A row with more or fewer cells than there are columns.
+        A row has more or fewer cells than there are columns.
     """
 
     columns: Sequence[Column]
@@ -48,24 +51,24 @@ class Table:
 
     @property
     def heads(self) -> list[str]:
-        """The names of the columns."""
+        """Headers of the columns."""
         return [column.head for column in self.columns]
 
     def texts(self) -> list[list[str]]:
-        """Return the cells for people, rounded."""
+        """Return the rounded texts of all cells."""
         return [
             [column.text(value) for column, value in zip(self.columns, row, strict=True)]
             for row in self.rows
         ]
 
     def to_markdown(self) -> str:
-        """Return the table for people, numbers rounded and to the right."""
+        """Return the table in Markdown with rounded numbers, aligned to the right."""
         rule = [":---", *(["---:"] * (len(self.columns) - 1))]
         lines = [self.heads, rule, *self.texts()]
         return "".join(f"| {' | '.join(map(_escaped, line))} |\n" for line in lines)
 
     def to_csv(self) -> str:
-        """Return the table for programs: every digit, nothing where a number is not there."""
+        """Return the table as CSV with full precision and empty cells for missing numbers."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self.heads)
@@ -76,7 +79,7 @@ class Table:
 def _plain(value: Cell) -> str:
     if isinstance(value, str):
         return value
-    # Written with `repr`, a float has as many digits as it takes to read the same one back.
+    # `repr` gives the shortest text that converts back to the same float.
     return "" if math.isnan(value) else repr(value)
 
 

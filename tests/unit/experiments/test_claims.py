@@ -7,12 +7,12 @@ from scanlock.experiments import claims
 GOOD, FAIR, BAD = (0.02, 0.001), (0.2, 0.001), (5.0, 0.5)
 
 
-def test_accurate_asks_three_quarters_of_the_pairs_of_each(outcome_of):
+def test_accurate_requires_three_quarters_of_the_pairs_of_each_method(outcome_of):
     outcome = outcome_of({"a": [GOOD] * 3, "b": [GOOD, GOOD, BAD]})
     assert claims.accurate("", outcome, ["a"]).holds
-    claim = claims.accurate("it is so", outcome, ["a", "b"])
-    assert (claim.says, claim.holds) == ("it is so", False)
-    assert "a 100%, b 67%" in claim.because
+    claim = claims.accurate("a statement", outcome, ["a", "b"])
+    assert (claim.statement, claim.holds) == ("a statement", False)
+    assert "at least 75% of the pairs required: a 100%, b 67%" in claim.reason
 
 
 def test_more_accurate_compares_medians(outcome_of):
@@ -22,47 +22,47 @@ def test_more_accurate_compares_medians(outcome_of):
     assert not claims.more_accurate("", outcome, ["a"], ["a"]).holds
 
 
-def test_low_errors_are_within_the_limit_of_solved_pairs(outcome_of):
+def test_low_errors_are_within_the_tolerance(outcome_of):
     outcome = outcome_of({"a": [GOOD, FAIR, BAD], "b": [GOOD, BAD, BAD]})
     assert claims.low_errors("", outcome, "a").holds
     claim = claims.low_errors("", outcome, "b")
     assert not claim.holds
-    assert "where 0.3 m are allowed" in claim.because
+    assert "at most 0.3 m allowed" in claim.reason
 
 
-def test_losing_pairs_means_to_solve_fewer_than_every_other(outcome_of):
+def test_loses_pairs_requires_fewer_solved_pairs_than_every_other_method(outcome_of):
     outcome = outcome_of({"a": [GOOD] * 3, "b": [GOOD, BAD, GOOD], "c": [BAD] * 3})
     assert claims.loses_pairs("", outcome, "c", ["a", "b"]).holds
     assert not claims.loses_pairs("", outcome, "b", ["a", "c"]).holds
 
 
-def test_large_errors_are_those_of_the_worst_quarter(outcome_of):
+def test_largest_errors_compares_upper_quartiles(outcome_of):
     outcome = outcome_of({"a": [GOOD, FAIR, GOOD], "b": [GOOD, FAIR, BAD]})
     assert claims.largest_errors("", outcome, "b", ["a"]).holds
     assert not claims.largest_errors("", outcome, "a", ["b"]).holds
 
 
-def test_a_method_without_a_single_pose_is_the_worst(outcome_of):
+def test_a_method_without_any_pose_is_the_worst(outcome_of):
     nan = (float("nan"), float("nan"))
     outcome = outcome_of({"a": [BAD] * 3, "b": [nan] * 3})
     assert claims.more_accurate("", outcome, ["a"], ["b"]).holds
     assert claims.largest_errors("", outcome, "b", ["a"]).holds
 
 
-def test_crisper_and_alike_look_at_the_counts():
+def test_crispness_claims_compare_voxel_counts():
     counts = {"a": 100, "b": 101, "c": 110}
     assert claims.crisper("", counts, ["a", "b"], ["c"]).holds
     assert not claims.crisper("", counts, ["a", "c"], ["b"]).holds
-    assert claims.alike("", counts, ["a", "b"], 0.02).holds
-    claim = claims.alike("", counts, ["a", "b", "c"], 0.02)
+    assert claims.equally_crisp("", counts, ["a", "b"], 0.02).holds
+    claim = claims.equally_crisp("", counts, ["a", "b", "c"], 0.02)
     assert not claim.holds
-    assert "10.00% apart where 2% are allowed" in claim.because
+    assert "a difference of 10.00%, at most 2% allowed" in claim.reason
 
 
 @pytest.mark.parametrize(
     "kind", ["accurate", "low_errors", "more_accurate", "loses_pairs", "largest_errors"]
 )
-def test_without_the_method_or_the_truth_nothing_is_decided(outcome_of, series, kind):
+def test_claims_are_undecided_without_the_method_or_the_truth(outcome_of, series, kind):
     arguments = {
         "accurate": (["a", "b"],),
         "low_errors": ("b",),
@@ -71,12 +71,12 @@ def test_without_the_method_or_the_truth_nothing_is_decided(outcome_of, series, 
         "largest_errors": ("a", ["b"]),
     }[kind]
     claim = getattr(claims, kind)("", outcome_of({"a": [GOOD] * 3}), *arguments)
-    assert (claim.holds, claim.because) == (None, "b was not run")
+    assert (claim.holds, claim.reason) == (None, "b was not run")
     blind = outcome_of({"a": [GOOD] * 3, "b": [GOOD] * 3}, replace(series, truth=()))
     claim = getattr(claims, kind)("", blind, *arguments)
-    assert (claim.holds, claim.because) == (None, "the true poses are not known")
+    assert (claim.holds, claim.reason) == (None, "the true poses are not known")
 
 
-def test_maps_that_are_not_there_decide_nothing():
+def test_crispness_claims_are_undecided_without_the_maps():
     assert claims.crisper("", {"a": 1}, ["a"], ["b"]).holds is None
-    assert claims.alike("", {"a": 1}, ["a", "b"], 0.1).holds is None
+    assert claims.equally_crisp("", {"a": 1}, ["a", "b"], 0.1).holds is None

@@ -9,11 +9,11 @@ from reference.studies import METHOD, STEP, record_of
 from scanlock import METHODS
 from scanlock.experiments.comparison import (
     Comparison,
-    agreed_pose,
     basin_table,
     basins,
     compare,
     comparison_findings,
+    consensus_pose,
 )
 from scanlock.pipelines.starts import AroundTruth
 from scanlock.pipelines.study import StudyPair
@@ -39,10 +39,10 @@ def compared(series, tmp_path_factory):
     return compare(_comparison(series), path)
 
 
-def test_starts_about_the_truth_follow_those_from_no_motion(compared):
+def test_starts_around_the_truth_follow_those_from_the_identity(compared):
     assert [record.task.start for record in compared.direct["d2d"]] == ["identity"] * 2
     assert [record.task.start for record in compared.around["d2d"]] == [*PLAN.names] * 2
-    assert (compared.judged, compared.agreed) == (2, 0)
+    assert (compared.evaluated_count, compared.consensus_count) == (2, 0)
 
 
 def test_the_basin_counts_every_start_once(compared):
@@ -63,7 +63,7 @@ def test_the_basin_counts_every_start_once(compared):
     assert rows[-1] == ["d2d", 1.0, degrees, 4, 0, 4, 4]
 
 
-def test_a_second_run_finds_everything_on_disk(series, tmp_path):
+def test_a_second_run_reads_all_records_from_disk(series, tmp_path):
     path = tmp_path / "records.jsonl"
 
     def refuse(name):
@@ -77,72 +77,72 @@ def test_a_second_run_finds_everything_on_disk(series, tmp_path):
     assert path.read_bytes() == before
 
 
-def test_without_a_truth_nothing_is_judged(series, tmp_path):
+def test_pairs_without_a_truth_are_not_evaluated(series, tmp_path):
     blind = [replace(pair, truth=None) for pair in series.pairs()[:1]]
     comparison = _comparison(series, pairs=blind)
     compared = compare(comparison, tmp_path / "records.jsonl")
-    assert (compared.judged, compared.around) == (0, {})
+    assert (compared.evaluated_count, compared.around) == (0, {})
     [section] = comparison_findings(comparison, compared, series).sections
     assert "no errors to show" in section.text
     assert section.figures == {}
 
 
-def test_agreement_stands_in_for_the_truth_where_it_is_asked_to(series, tmp_path):
+def test_a_consensus_replaces_an_unknown_truth_on_request(series, tmp_path):
     blind = [replace(pair, truth=None) for pair in series.pairs()[:1]]
     plan = AroundTruth(distances=(0.5,), angles=(0.1,))
-    comparison = _comparison(series, pairs=blind, methods=TWO, around=plan, take_agreed=True)
+    comparison = _comparison(series, pairs=blind, methods=TWO, around=plan, use_consensus=True)
     compared = compare(comparison, tmp_path / "records.jsonl")
-    assert (compared.judged, compared.agreed) == (1, 1)
+    assert (compared.evaluated_count, compared.consensus_count) == (1, 1)
     [pair] = compared.pairs
     errors = [records[0].translation_error for records in compared.direct.values()]
     assert min(errors) == 0.0 < max(errors) < 0.1
     assert pair.truth.is_close(STEP, translation=0.1, rotation=0.01)
     assert len(compared.around["p2d"]) == 1
     sections = comparison_findings(comparison, compared, series).sections
-    assert "1 of them because methods agree" in sections[0].text
+    assert "1 of these are a consensus of the methods" in sections[0].text
     assert list(sections[1].figures) == ["basin"]
 
 
-def test_a_known_truth_is_not_outvoted(series, tmp_path):
-    comparison = _comparison(series, methods=TWO, around=None, take_agreed=True)
+def test_a_consensus_does_not_replace_a_known_truth(series, tmp_path):
+    comparison = _comparison(series, methods=TWO, around=None, use_consensus=True)
     compared = compare(comparison, tmp_path / "records.jsonl")
-    assert compared.agreed == 0
+    assert compared.consensus_count == 0
     assert [pair.truth for pair in compared.pairs] == [pair.truth for pair in comparison.pairs]
 
 
 PAIR = StudyPair(target="a", source="b")
 
 
-def _vote(method, pose, *, status="ok", overlap=0.5, score=0.5):
+def _record(method, pose, *, status="ok", overlap=0.5, score=0.5):
     record = record_of(PAIR, method, (math.nan, math.nan), pose, status)
     return replace(record, overlap=overlap, score=score)
 
 
-def test_the_pose_that_most_agree_with_is_taken():
+def test_the_consensus_is_the_pose_with_most_support():
     far = yaw_pose(1.0, (9.0, 0.0, 0.0))
     near = yaw_pose(0.051, (0.81, 0.1, 0.0))
     other = yaw_pose(0.052, (0.80, 0.1, 0.0))
-    votes = [
-        _vote("a", far, score=1.0),
-        _vote("b", near),
-        _vote("c", STEP, score=0.6),
-        _vote("d", other),
+    records = [
+        _record("a", far, score=1.0),
+        _record("b", near),
+        _record("c", STEP, score=0.6),
+        _record("d", other),
     ]
-    assert agreed_pose(votes) == STEP
-    assert agreed_pose(votes[:2]) is None
-    assert agreed_pose([]) is None
+    assert consensus_pose(records) == STEP
+    assert consensus_pose(records[:2]) is None
+    assert consensus_pose([]) is None
 
 
-def test_those_that_are_not_called_ok_have_no_vote():
-    votes = [
-        _vote("a", STEP),
-        _vote("b", STEP, status="low_overlap"),
-        _vote("c", None, status="failed"),
+def test_poses_without_status_ok_do_not_count_for_the_consensus():
+    records = [
+        _record("a", STEP),
+        _record("b", STEP, status="low_overlap"),
+        _record("c", None, status="failed"),
     ]
-    assert agreed_pose(votes) is None
+    assert consensus_pose(records) is None
 
 
-def test_findings_hold_tables_and_figures_of_both_parts(compared, series):
+def test_findings_have_tables_and_figures_of_both_sections(compared, series):
     sections = comparison_findings(_comparison(series), compared, series).sections
     assert [list(section.tables) for section in sections] == [["errors", "pairs"], ["basin"]]
     assert [list(section.figures) for section in sections] == [["errors"], ["basin"]]

@@ -5,42 +5,42 @@ from scipy.spatial import cKDTree
 
 from scanlock import Pose, segment
 from scanlock.evaluation.crispness import crispness
-from scanlock.experiments.experiment import unwatched
-from scanlock.experiments.maps import lay_maps
+from scanlock.experiments.experiment import no_progress
+from scanlock.experiments.maps import build_maps
 
 
-def test_scans_lie_where_their_trajectories_put_them(series):
-    tracks = {"true": series.true_trajectory(), "still": [Pose.identity()] * 4}
-    laid = lay_maps(series, tracks, ["true"], unwatched)
-    for name, poses in tracks.items():
+def test_maps_hold_the_scans_at_the_poses_of_the_trajectory(series):
+    trajectories = {"true": series.true_trajectory(), "still": [Pose.identity()] * 4}
+    maps = build_maps(series, trajectories, ["true"], no_progress)
+    for name, poses in trajectories.items():
         every = [
             pose.apply(series.load(scan)) for scan, pose in zip(series.names, poses, strict=True)
         ]
-        assert laid.crispness(name) == crispness(np.concatenate(every))
-    assert laid.crispness("true") < laid.crispness("still")
+        assert maps.crispness(name) == crispness(np.concatenate(every))
+    assert maps.crispness("true") < maps.crispness("still")
 
 
-def test_what_is_drawn_stands_above_the_ground(series):
+def test_drawn_maps_hold_the_points_above_the_ground(series):
     poses = series.true_trajectory()
-    drawn = lay_maps(series, {"true": poses}, ["true"], unwatched).drawn
+    drawn = build_maps(series, {"true": poses}, ["true"], no_progress).drawn
     assert list(drawn) == ["true"]
     standing = [
         pose.apply(series.load(scan)[~segment(series.load(scan)).is_ground])
         for scan, pose in zip(series.names, poses, strict=True)
     ]
     # Each scan keeps float32 before it is moved, a rounding away.
-    distances, _ = cKDTree(np.concatenate(standing)).query(drawn["true"].standing)
+    distances, _ = cKDTree(np.concatenate(standing)).query(drawn["true"].points)
     assert len(distances) > 1000
     assert distances.max() < 1e-4
     np.testing.assert_array_equal(drawn["true"].path, [pose.translation for pose in poses])
     assert drawn["true"].caption.endswith("voxels")
 
 
-def test_a_scan_that_cannot_be_read_is_left_out(series):
+def test_a_scan_that_cannot_be_read_is_omitted(series):
     def load(name):
         return np.full((5, 3), np.nan) if name == "scan1" else series.load(name)
 
-    tracks = {"true": series.true_trajectory()}
-    whole = lay_maps(series, tracks, [], unwatched)
-    part = lay_maps(replace(series, load=load), tracks, [], unwatched)
+    trajectories = {"true": series.true_trajectory()}
+    whole = build_maps(series, trajectories, [], no_progress)
+    part = build_maps(replace(series, load=load), trajectories, [], no_progress)
     assert 0 < part.crispness("true") < whole.crispness("true")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reference.studies import METHOD, contender
-from scanlock.experiments.experiment import Findings, Section, Watch
+from scanlock.experiments.experiment import Findings, Progress, Section
 from scanlock.experiments.page import file_name
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
 from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
@@ -20,7 +20,9 @@ NAMES = (P2D, D2D, G_ICP)
 
 @pytest.fixture(scope="module", params=["urban", "forest"])
 def experiment(request):
-    contenders = [contender(name, replace(METHOD, spacing=0.5 + k)) for k, name in enumerate(NAMES)]
+    contenders = [
+        contender(name, replace(METHOD, voxel_size=0.5 + k)) for k, name in enumerate(NAMES)
+    ]
     return replace(EXPERIMENTS[request.param], contenders=contenders)
 
 
@@ -43,18 +45,18 @@ def test_the_same_experiment_gives_the_same_bytes(experiment, series, done, tmp_
     assert _files(tmp_path) == _files(done.page.parent)
 
 
-def test_files_name_no_place_and_no_time(done):
+def test_files_hold_no_path_and_no_time(done):
     for name, content in _files(done.page.parent).items():
         assert str(done.page.parent).encode() not in content, name
         assert b"seconds" not in content, name
 
 
-def test_every_file_that_the_page_names_is_there(done):
+def test_every_file_on_the_page_exists(done):
     page = done.page.read_text()
     for link in re.findall(r"\]\(([^)]+)\)", page):
         assert (done.page.parent / link).is_file(), link
     assert re.search("(holds here|not hold here).*: (filled voxels|median|solved)", page)
-    assert ("cannot be told here" in page) == ("was not run" in page)
+    assert ("cannot be decided here" in page) == ("was not run" in page)
     for name in ("pairs", "errors", "crispness"):
         assert (done.page.parent / "tables" / f"{name}.csv").is_file()
     for ending in ("png", "svg"):
@@ -67,7 +69,7 @@ def test_settings_can_be_read_back(experiment, done):
         assert read_settings(path) == one.method
 
 
-def test_numbers_of_the_tables_are_those_of_the_records(done, series):
+def test_tables_agree_with_the_records(done, series):
     folder = done.page.parent
     with (folder / "tables" / "pairs.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -79,7 +81,7 @@ def test_numbers_of_the_tables_are_those_of_the_records(done, series):
         assert float(row["translation error [m]"]) == errors[key]
 
 
-def test_trajectories_and_maps_are_what_the_records_chain_to(done, series):
+def test_trajectories_and_maps_agree_with_the_records(done, series):
     folder = done.page.parent
     poses = read_kitti_poses(folder / "trajectories" / "sgc-ndt-d2d.kitti.txt")
     times, same = read_tum_poses(folder / "trajectories" / "sgc-ndt-d2d.tum.txt")
@@ -97,7 +99,7 @@ def test_trajectories_and_maps_are_what_the_records_chain_to(done, series):
             assert len(read_scan(folder / "maps" / f"{stem}.ply")) == count
 
 
-def test_an_interrupted_run_goes_on_where_it_was(experiment, series, done, tmp_path, monkeypatch):
+def test_an_interrupted_run_continues(experiment, series, done, tmp_path, monkeypatch):
     real = study_module.register
     calls = []
 
@@ -112,20 +114,20 @@ def test_an_interrupted_run_goes_on_where_it_was(experiment, series, done, tmp_p
         reproduce(experiment, series, tmp_path)
     assert len((tmp_path / "records.jsonl").read_text().splitlines()) == 4
     reproduce(experiment, series, tmp_path)
-    # The fifth was begun twice, the others once.
+    # The fifth registration started twice, the others once.
     assert len(calls) == len(NAMES) * len(series.pairs()) + 1
     assert _files(tmp_path) == _files(done.page.parent)
 
 
-def test_a_watch_sees_every_registration_and_every_scan(experiment, series, tmp_path):
+def test_progress_covers_every_registration_and_every_scan(experiment, series, tmp_path):
     seen = []
 
-    def watch(items, count, what):
+    def progress(items, count, task):
         items = list(items)
-        seen.append((what, count, len(items)))
+        seen.append((task, count, len(items)))
         return items
 
-    checked: Watch = watch
+    checked: Progress = progress
     reproduce(experiment, series, tmp_path, checked)
     assert [(count, found) for _, count, found in seen] == [(9, 9), (4, 4)]
 
@@ -134,7 +136,7 @@ def test_an_experiment_may_choose_its_pairs(experiment, series, tmp_path):
     skipping = replace(
         experiment,
         pairs=lambda series: series.pairs(apart=3),
-        examine=lambda outcome, watch: Findings(sections=[Section(title="Nothing")]),
+        analyse=lambda outcome, progress: Findings(sections=[Section(title="Nothing")]),
     )
     done = reproduce(skipping, series, tmp_path)
     for records in done.outcome.records.values():
@@ -147,7 +149,7 @@ def test_an_experiment_may_choose_its_pairs(experiment, series, tmp_path):
     ]
 
 
-def test_without_true_poses_there_is_a_page_too(experiment, series, tmp_path):
+def test_the_page_does_not_need_true_poses(experiment, series, tmp_path):
     blind = replace(series, truth=(), truth_kind="unknown")
     page = reproduce(experiment, blind, tmp_path).page.read_text()
     assert "The true poses are not known." in page
@@ -156,7 +158,7 @@ def test_without_true_poses_there_is_a_page_too(experiment, series, tmp_path):
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_contenders_have_a_name_each_and_say_what_they_are(name):
+def test_contenders_have_unique_names_and_remarks(name):
     contenders = EXPERIMENTS[name].contenders
     assert len({one.name for one in contenders}) == len(contenders)
     assert D2D in {one.name for one in contenders}

@@ -6,7 +6,7 @@ import pytest
 
 from scanlock import Pose
 from scanlock.errors import InvalidInput
-from scanlock.experiments.series import recorded_series, series_of, simulated_series, which
+from scanlock.experiments.series import ordinal_phrase, recorded_series, series_of, simulated_series
 from scanlock.io import read_scan, write_kitti_poses, write_scan
 from scanlock.io.sequences import ScanSequence
 
@@ -23,7 +23,7 @@ def test_pairs_are_neighbours_with_their_true_motion(series):
         assert moved.is_close(series.truth[row + 1], translation=1e-12, rotation=1e-7)
 
 
-def test_pairs_may_lie_farther_apart(series):
+def test_pairs_may_skip_scans(series):
     pairs = series.pairs(apart=2)
     assert [pair.name for pair in pairs] == ["scan0 scan2", "scan1 scan3"]
     assert (series.truth[1] @ pairs[1].truth).is_close(
@@ -45,13 +45,13 @@ def test_the_true_trajectory_begins_at_the_first_scan(series):
 @pytest.mark.parametrize(
     "changes", [{"names": ("a",)}, {"times": np.arange(3.0)}, {"truth": (Pose.identity(),)}]
 )
-def test_a_series_has_two_scans_and_as_much_of_everything(series, changes):
+def test_a_series_needs_two_scans_and_lists_of_equal_length(series, changes):
     with pytest.raises(InvalidInput, match="scans"):
         replace(series, **changes)
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="simulating takes minutes then")
-def test_simulated_scans_are_those_of_the_command(tmp_path):
+def test_simulated_scans_equal_those_of_the_command(tmp_path):
     from scanlock.cli import main
 
     series = simulated_series("forest", "hdl_32e", every=20, scans=2, seed=3)
@@ -65,7 +65,7 @@ def test_simulated_scans_are_those_of_the_command(tmp_path):
     for name in series.names:
         points = read_scan(tmp_path / "scans" / f"{name}.npy").points
         np.testing.assert_array_equal(np.float32(points), series.load(name))
-    # Asking for fewer of them gives the same ones: a longer run can use a shorter one's records.
+    # The key is independent of the number of scans, so a longer run can reuse the records.
     assert "scans" not in series.key
 
 
@@ -76,7 +76,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_folder_gives_every_kth_of_its_scans(folder):
+def test_a_folder_gives_every_kth_scan(folder):
     series = recorded_series(folder, every=2)
     assert series.names == ("0", "2", "4")
     assert np.asarray(series.load("4"))[0, 0] == 4.0
@@ -85,7 +85,7 @@ def test_a_folder_gives_every_kth_of_its_scans(folder):
     assert str(folder.parent) not in series.origin + series.title + series.key
 
 
-def test_poses_of_a_file_are_taken_with_the_scans(folder, tmp_path_factory):
+def test_poses_of_a_file_follow_the_stride(folder, tmp_path_factory):
     path = tmp_path_factory.mktemp("poses") / "poses.txt"
     poses = [Pose(np.eye(3), np.array([float(k), 0.0, 0.0])) for k in range(5)]
     write_kitti_poses(path, poses)
@@ -94,7 +94,7 @@ def test_poses_of_a_file_are_taken_with_the_scans(folder, tmp_path_factory):
     assert series.truth_kind == "given"
 
 
-def test_other_points_are_another_series(folder):
+def test_other_points_change_the_key(folder):
     before = recorded_series(folder, every=2).key
     write_scan(folder / "3.npy", np.zeros((3, 3)))
     assert recorded_series(folder, every=2).key == before
@@ -102,7 +102,7 @@ def test_other_points_are_another_series(folder):
     assert recorded_series(folder, every=2).key != before
 
 
-def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+def test_files_with_equal_names_get_the_names_of_their_folders(tmp_path):
     paths = tuple(tmp_path / place / "scan.npy" for place in ("one", "two"))
     for number, path in enumerate(paths):
         path.parent.mkdir()
@@ -121,8 +121,8 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     assert other.key != series.key
 
 
-def test_too_few_scans_say_what_to_do(folder):
-    with pytest.raises(InvalidInput, match="take more of them"):
+def test_too_few_scans_raise_an_error_with_a_remedy(folder):
+    with pytest.raises(InvalidInput, match="reduce the stride"):
         recorded_series(folder, every=5)
 
 
@@ -136,5 +136,5 @@ def test_too_few_scans_say_what_to_do(folder):
         (50, "every 50th scan"),
     ],
 )
-def test_every_kth_is_said_in_english(every, words):
-    assert which(every) == words
+def test_ordinal_phrases_are_english(every, words):
+    assert ordinal_phrase(every) == words

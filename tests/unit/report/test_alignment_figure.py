@@ -8,12 +8,12 @@ from scanlock.report.alignment_figure import Alignment, alignment_figure
 POINTS = street(1, 3000)
 
 
-def _moved(*names):
+def _sources(*names):
     return {name: POINTS + shift for shift, name in enumerate(names)}
 
 
-def test_a_row_shows_one_place_at_all_poses():
-    rows = [Alignment(title, POINTS, _moved("before", "after")) for title in ("#1", "#2")]
+def test_a_row_shows_one_square_at_all_poses():
+    rows = [Alignment(title, POINTS, _sources("before", "after")) for title in ("#1", "#2")]
     axes = np.array(alignment_figure(rows).axes).reshape(2, 2)
     titles = [one.get_title() for one in axes.ravel()]
     assert titles == ["#1\nbefore", "#1\nafter", "#2\nbefore", "#2\nafter"]
@@ -31,9 +31,9 @@ def test_a_row_shows_one_place_at_all_poses():
     [
         [],
         [Alignment("x", POINTS, {})],
-        [Alignment("x", POINTS, _moved("a")), Alignment("y", POINTS, _moved("a", "b"))],
+        [Alignment("x", POINTS, _sources("a")), Alignment("y", POINTS, _sources("a", "b"))],
     ],
 )
-def test_rows_of_different_length_make_no_figure(rows):
-    with pytest.raises(InvalidInput, match="as many poses as each other"):
+def test_rows_of_different_length_are_rejected(rows):
+    with pytest.raises(InvalidInput, match="the same number of poses"):
         alignment_figure(rows)

@@ -8,7 +8,7 @@ SOLVED = np.array([[5, 4, 0], [3, 0, 0]])
 BASIN = Basin(SOLVED, np.full((2, 3), 5))
 
 
-def test_each_cell_shows_its_share_and_its_counts():
+def test_each_cell_shows_its_ratio_and_its_counts():
     figure = basin_figure({"a": BASIN, "b": BASIN}, [1.0, 4.0], [0.0, 10.0, 40.0])
     axes = figure.axes[0]
     [image] = axes.images
@@ -18,12 +18,12 @@ def test_each_cell_shows_its_share_and_its_counts():
     assert [axes.get_title() for axes in figure.axes] == ["a", "b"]
 
 
-def test_more_methods_than_fit_in_a_row_leave_no_empty_frames():
+def test_unused_axes_are_hidden():
     figure = basin_figure(dict.fromkeys("abcd", BASIN), [1.0, 4.0], [0.0, 10.0, 40.0])
     assert [axes.axison for axes in figure.axes] == [True] * 4 + [False] * 2
 
 
-def test_cells_without_a_try_stay_blank():
+def test_cells_without_starts_are_empty():
     basin = Basin(np.zeros((1, 1), int), np.zeros((1, 1), int))
     axes = basin_figure({"a": basin}, [1.0], [0.0]).axes[0]
     assert np.ma.filled(axes.images[0].get_array(), np.nan).tolist() == [
@@ -32,9 +32,9 @@ def test_cells_without_a_try_stay_blank():
 
 
 def test_shapes_must_agree():
-    with pytest.raises(InvalidInput, match="one shape"):
+    with pytest.raises(InvalidInput, match="the same shape"):
         Basin(SOLVED, SOLVED[:1])
-    with pytest.raises(InvalidInput, match=r"basins of shape \(1, 3\)"):
+    with pytest.raises(InvalidInput, match=r"basins must have shape \(1, 3\)"):
         basin_figure({"a": BASIN}, [1.0], [0.0, 10.0, 40.0])
-    with pytest.raises(InvalidInput, match="one a method"):
+    with pytest.raises(InvalidInput, match="one basin per method"):
         basin_figure({}, [1.0], [0.0])

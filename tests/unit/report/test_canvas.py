@@ -6,14 +6,14 @@ import pytest
 from scanlock.errors import InvalidInput, MissingExtra
 from scanlock.report.canvas import (
     blank_figure,
-    frame,
+    close_up_corner,
+    downsampled_rows,
+    draw_frame,
+    interleaved_order,
     legend_below,
-    mingled,
-    richest_square,
     save_figure,
     scatter,
-    square_view,
-    thinned_rows,
+    set_map_view,
     window_around,
 )
 
@@ -33,7 +33,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "start"), [("a.png", b"\x89PNG"), ("a.PDF", b"%PDF"), ("a.svg", b"<?xml")]
 )
-def test_a_figure_is_written_as_its_name_says_and_always_the_same(tmp_path, name, start):
+def test_the_name_decides_the_format_and_equal_figures_have_equal_bytes(tmp_path, name, start):
     contents = []
     for _ in range(2):
         figure = blank_figure(2.0, 2.0)
@@ -42,47 +42,47 @@ def test_a_figure_is_written_as_its_name_says_and_always_the_same(tmp_path, name
         contents.append((tmp_path / name).read_bytes())
     assert contents[0].startswith(start)
     assert contents[0] == contents[1]
-    # Neither the day nor the program is told.
+    # Neither date nor program are in the file.
     assert b"matplotlib.org" not in contents[0]
     assert b"dc:date" not in contents[0]
 
 
-def test_other_endings_are_refused(tmp_path):
+def test_other_endings_are_rejected(tmp_path):
     with pytest.raises(InvalidInput, match=r"\.png, \.pdf, \.svg, got .*a\.jpg"):
         save_figure(tmp_path / "a.jpg", blank_figure(2.0, 2.0))
     assert not list(tmp_path.iterdir())
 
 
-def test_thinning_keeps_small_clouds_and_bounds_large_ones():
-    np.testing.assert_array_equal(thinned_rows(5), np.arange(5))
-    rows = thinned_rows(1_000_001)
+def test_downsampling_keeps_small_clouds_and_bounds_large_ones():
+    np.testing.assert_array_equal(downsampled_rows(5), np.arange(5))
+    rows = downsampled_rows(1_000_001)
     assert 30_000 < len(rows) <= 60_000
     assert len(np.unique(np.diff(rows))) == 1
     assert rows[-1] < 1_000_001
 
 
 @pytest.mark.parametrize("count", [0, 1, 10, 10_000])
-def test_mingling_is_an_order_in_which_no_part_comes_last(count):
-    order = mingled(count)
+def test_the_interleaved_order_spreads_every_part(count):
+    order = interleaved_order(count)
     np.testing.assert_array_equal(np.sort(order), np.arange(count))
     if count > 100:
         halves = order[count // 2 :] < count // 2
         assert 0.45 < halves.mean() < 0.55
 
 
-def test_a_window_holds_nearly_all_and_forgets_the_farthest():
+def test_a_window_contains_nearly_all_points_without_the_farthest():
     rng = np.random.default_rng(0)
     view = rng.uniform([90.0, 40.0], [110.0, 60.0], (5000, 2))
     view[:10] = 1e6
-    middle, half = window_around(view[:2500], view[2500:])
-    np.testing.assert_allclose(middle, [100.0, 50.0], atol=0.5)
+    centre, half = window_around(view[:2500], view[2500:])
+    np.testing.assert_allclose(centre, [100.0, 50.0], atol=0.5)
     assert 9.0 < half < 12.0
 
 
 @pytest.mark.parametrize("views", [[], [np.empty((0, 2))], [np.zeros((4, 2))]])
-def test_a_window_around_nothing_is_still_a_window(views):
-    middle, half = window_around(*views)
-    assert middle.tolist() == [0.0, 0.0]
+def test_a_window_without_points_has_a_minimum_size(views):
+    centre, half = window_around(*views)
+    assert centre.tolist() == [0.0, 0.0]
     assert half == 1.0
 
 
@@ -90,38 +90,38 @@ def _upright(rng, low, high, count):
     return rng.uniform([*low, 0.0], [*high, 3.0], (count, 3))
 
 
-def test_the_richest_square_is_where_things_stand_in_all_clouds():
+def test_the_close_up_has_objects_in_all_clouds():
     rng = np.random.default_rng(0)
     common = _upright(rng, (12.0, 12.0), (18.0, 18.0), 3000)
     level = rng.uniform([-30.0, -30.0, 0.0], [30.0, 30.0, 0.1], (30_000, 3))
     first = np.concatenate([common, level, _upright(rng, (-30.0, -30.0), (-10.0, -10.0), 9000)])
     second = np.concatenate([common, level, _upright(rng, (-30.0, 10.0), (-10.0, 30.0), 9000)])
-    corner = richest_square([first, second], np.zeros(2), 30.0, 10.0)
+    corner = close_up_corner([first, second], np.zeros(2), 30.0, 10.0)
     assert (corner <= 12.5).all()
     assert (corner + 10.0 >= 17.5).all()
 
 
-def test_where_nothing_stands_level_surfaces_decide():
+def test_the_close_up_has_flat_surfaces_in_the_absence_of_objects():
     rng = np.random.default_rng(0)
     level = rng.uniform([12.0, 12.0, 0.0], [18.0, 18.0, 0.1], (2000, 3))
-    corner = richest_square([level], np.zeros(2), 30.0, 10.0)
+    corner = close_up_corner([level], np.zeros(2), 30.0, 10.0)
     assert (corner <= 12.5).all()
     assert (corner + 10.0 >= 17.5).all()
 
 
 @pytest.mark.parametrize("cloud", [np.empty((0, 3)), np.full((3, 3), 99.0)])
-def test_the_richest_square_of_an_empty_map_lies_in_it(cloud):
-    corner = richest_square([cloud], np.zeros(2), 1.0, 5.0)
+def test_the_close_up_of_an_empty_map_is_inside_it(cloud):
+    corner = close_up_corner([cloud], np.zeros(2), 1.0, 5.0)
     assert corner.tolist() == [-1.0, -1.0]
 
 
-def test_views_are_square_maps_and_frames_mark_their_parts():
+def test_views_are_square_maps_with_frames_and_a_legend():
     figure = blank_figure(4.0, 4.0)
     axes = figure.subplots()
-    square_view(axes, np.array([5.0, 1.0]), 2.0, ("x [m]", "y [m]"))
+    set_map_view(axes, np.array([5.0, 1.0]), 2.0, ("x [m]", "y [m]"))
     assert (axes.get_xlim(), axes.get_ylim()) == ((3.0, 7.0), (-1.0, 3.0))
     assert axes.get_aspect() == 1.0
-    frame(axes, np.array([4.0, 0.0]), 1.5)
+    draw_frame(axes, np.array([4.0, 0.0]), 1.5)
     [rectangle] = axes.patches
     assert (rectangle.get_xy(), rectangle.get_width()) == ((4.0, 0.0), 1.5)
     legend_below(figure, {"one": "#000000", "other": "#ffffff"})

@@ -20,16 +20,16 @@ def _pixel(axes, x, y):
     return values[row, column]
 
 
-def test_a_pixel_shows_its_highest_point_at_its_place():
+def test_a_pixel_shows_its_highest_point():
     tree = np.array([[10.0, 20.0, 3.0], [10.0, 20.0, 7.5], [10.0, 20.0, 0.2]])
     axes = drive_figure(np.vstack([GROUND, tree]), PATH).axes[0]
     assert _pixel(axes, 10.0, 20.0) == 7.5
     values = axes.images[0].get_array().compressed()
     assert (values == 0.0).sum() > 15_000
-    assert axes.images[0].get_clim()[1] < 7.5  # one tree does not take up all the colours
+    assert axes.images[0].get_clim()[1] < 7.5  # a single tree does not stretch the colours
 
 
-def test_what_lies_outside_is_left_out_and_the_whole_path_is_inside():
+def test_the_window_omits_far_points_and_includes_the_whole_path():
     far = np.array([[500.0, 0.0, 1.0], [-4000.0, 90.0, 1.0]])
     longer = np.vstack([PATH, [60.0, 0.0, 0.0]])
     axes = drive_figure(np.vstack([GROUND, far]), longer).axes[0]
@@ -38,8 +38,8 @@ def test_what_lies_outside_is_left_out_and_the_whole_path_is_inside():
     assert 60.0 < right < 100.0
 
 
-def test_doubtful_motions_are_drawn_in_red_and_so_is_the_title():
-    axes = drive_figure(GROUND, PATH, doubtful=[3, 8], title="two in doubt").axes[0]
+def test_untrusted_motions_and_the_title_are_drawn_in_red():
+    axes = drive_figure(GROUND, PATH, untrusted=[3, 8], title="two not trusted").axes[0]
     red = [line.get_xydata() for line in axes.lines if to_hex(line.get_color()) == ALARM]
     np.testing.assert_array_equal(red, [PATH[2:4, :2], PATH[7:9, :2]])
     assert axes.title.get_color() == ALARM
@@ -48,7 +48,7 @@ def test_doubtful_motions_are_drawn_in_red_and_so_is_the_title():
     assert all(to_hex(line.get_color()) != ALARM for line in plain.lines)
 
 
-def test_one_scan_has_a_picture_and_nothing_has_none(tmp_path):
+def test_one_scan_gives_a_figure_and_none_is_rejected(tmp_path):
     drive_figure(GROUND[:1], PATH[:1]).savefig(tmp_path / "one.png")
-    with pytest.raises(InvalidInput, match="needs points and a path, got 0 and 11 rows"):
+    with pytest.raises(InvalidInput, match="got 0 points and a path of 11 positions"):
         drive_figure(GROUND[:0], PATH)

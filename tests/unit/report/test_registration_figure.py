@@ -30,25 +30,25 @@ def _points_in(axes, colour):
     return np.sort(np.asarray(dots.get_offsets())[mine], axis=0)
 
 
-def _standing(points, pose=None):
-    kept = points[~segment(points).is_ground]
-    return np.sort((pose or Pose.identity()).apply(kept)[:, :2], axis=0)
+def _obstacles(points, pose=None):
+    obstacles = points[~segment(points).is_ground]
+    return np.sort((pose or Pose.identity()).apply(obstacles)[:, :2], axis=0)
 
 
 @pytest.mark.parametrize("row", [0, 1])
-def test_the_scene_is_drawn_before_and_after_over_the_reference(scans, row):
+def test_the_source_is_drawn_before_and_after_over_the_target(scans, row):
     figure = registration_figure(*scans, _result())
     before, after = figure.axes[2 * row : 2 * row + 2]
     for axes, pose in ((before, Pose.identity()), (after, MOTION)):
-        np.testing.assert_array_equal(_points_in(axes, BLUE), _standing(scans[0]))
-        np.testing.assert_allclose(_points_in(axes, VERMILION), _standing(scans[1], pose))
+        np.testing.assert_array_equal(_points_in(axes, BLUE), _obstacles(scans[0]))
+        np.testing.assert_allclose(_points_in(axes, VERMILION), _obstacles(scans[1], pose))
     assert before.get_xlim() == after.get_xlim()
 
 
-def test_before_means_at_the_initial_pose(scans):
+def test_the_view_before_shows_the_initial_pose(scans):
     start = yaw_pose(-0.3, (0.0, 4.0, 0.0))
     figure = registration_figure(*scans, _result(), initial=start)
-    np.testing.assert_allclose(_points_in(figure.axes[0], VERMILION), _standing(scans[1], start))
+    np.testing.assert_allclose(_points_in(figure.axes[0], VERMILION), _obstacles(scans[1], start))
 
 
 def test_the_close_up_is_the_framed_part(scans):
@@ -70,13 +70,13 @@ def test_the_close_up_is_the_framed_part(scans):
         (_result(status=Status.LOW_OVERLAP), None, ["a-method: low overlap"], ALARM),
     ],
 )
-def test_the_title_says_the_status_and_the_error(scans, result, truth, parts, colour):
+def test_the_title_has_the_status_and_the_error(scans, result, truth, parts, colour):
     title = registration_figure(*scans, result, truth=truth)._suptitle
     assert all(part in title.get_text() for part in parts)
     assert title.get_color() == colour
 
 
-def test_a_registration_of_nothing_has_a_picture_too(tmp_path):
+def test_a_failed_registration_gives_a_figure(tmp_path):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
     result = _result(Pose.identity(), Status.NO_CORRESPONDENCES, math.nan)
     figure = registration_figure(flat, flat, result)
@@ -85,7 +85,7 @@ def test_a_registration_of_nothing_has_a_picture_too(tmp_path):
     assert (tmp_path / "pair.png").stat().st_size > 10_000
 
 
-def test_map_coordinates_are_drawn_about_their_own_origin(scans):
+def test_map_coordinates_are_drawn_around_a_local_origin(scans):
     far = np.array([4e5, 5e6, 0.0])
     shift = Pose(np.eye(3), far)
     pose = shift @ MOTION @ shift.inverse()

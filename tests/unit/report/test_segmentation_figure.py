@@ -20,7 +20,7 @@ def _drawn(axes):
     return np.asarray(dots.get_offsets()), dots.get_facecolors()
 
 
-def test_each_point_has_the_colour_of_its_part(found):
+def test_each_point_has_the_colour_of_its_label(found):
     places, colours = _drawn(segmentation_figure(found).axes[0])
     labels = found.labels[found.cloud.rows]
     for part, colour in ((labels == 0, GROUND), (labels == -1, FAINT)):
@@ -41,7 +41,7 @@ def test_ground_is_drawn_below_the_rest(found):
     assert is_ground[: is_ground.sum()].all()
 
 
-def test_the_slanted_view_shows_the_framed_part_only(found):
+def test_the_oblique_view_shows_the_framed_part_only(found):
     whole, close = segmentation_figure(found).axes
     [rectangle] = whole.patches
     low = np.array(rectangle.get_xy())
@@ -50,7 +50,7 @@ def test_the_slanted_view_shows_the_framed_part_only(found):
     assert 0 < len(_drawn(close)[0]) == inside.sum() < len(plan)
 
 
-def test_the_title_counts(found):
+def test_the_title_has_the_counts(found):
     title = segmentation_figure(found)._suptitle
     share = 100.0 * (found.labels[found.cloud.rows] == 0).mean()
     assert title.get_text() == (
@@ -59,7 +59,7 @@ def test_the_title_counts(found):
     assert title.get_color() == INK
 
 
-def test_a_scan_without_ground_says_so_and_has_a_picture(tmp_path):
+def test_a_scan_without_ground_gives_a_figure_with_a_red_title(tmp_path):
     ball = np.random.default_rng(0).normal(size=(2000, 3)) * 5.0
     figure = segmentation_figure(segment(ball))
     assert "no ground: " in figure._suptitle.get_text()

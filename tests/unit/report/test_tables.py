@@ -13,7 +13,7 @@ TABLE = Table(
 )
 
 
-def test_people_see_rounded_numbers_and_a_dash_for_none():
+def test_texts_are_rounded_with_a_dash_for_missing_numbers():
     assert TABLE.texts() == [["a|b", "0.333", "12,345"], ["c, d", "-", "7"]]
     assert TABLE.to_markdown() == (
         "| method | error [m] | voxels |\n"
@@ -23,7 +23,7 @@ def test_people_see_rounded_numbers_and_a_dash_for_none():
     )
 
 
-def test_programs_read_every_digit_back():
+def test_csv_has_full_precision():
     rows = list(csv.reader(io.StringIO(TABLE.to_csv())))
     assert rows[0] == ["method", "error [m]", "voxels"]
     assert float(rows[1][1]) == 1.0 / 3.0
@@ -31,6 +31,6 @@ def test_programs_read_every_digit_back():
     assert "\r" not in TABLE.to_csv()
 
 
-def test_rows_fit_under_the_heads():
+def test_rows_of_the_wrong_length_are_rejected():
     with pytest.raises(InvalidInput, match="a row must have 1 cells, got 2"):
         Table([Column("a")], [["x", "y"]])

@@ -23,7 +23,7 @@ def _line(axes, colour):
     return found
 
 
-def test_both_ways_are_drawn_in_the_frame_of_the_truth():
+def test_both_trajectories_are_drawn_in_the_frame_of_the_true_one():
     above = trajectory_figure(DRIFT, TRUTH).axes[0]
     true = np.array([pose.translation[:2] for pose in TRUTH])
     np.testing.assert_array_equal(_line(above, BLUE), true)
@@ -33,21 +33,21 @@ def test_both_ways_are_drawn_in_the_frame_of_the_truth():
 
 
 @pytest.mark.parametrize("alignment", ["none", "first", "all"])
-def test_errors_are_drawn_along_the_true_way(alignment):
-    _, shift, turn = trajectory_figure(DRIFT, TRUTH, alignment=alignment).axes
+def test_errors_are_drawn_along_the_true_path(alignment):
+    _, translation, rotation = trajectory_figure(DRIFT, TRUTH, alignment=alignment).axes
     errors = absolute_errors(DRIFT, TRUTH, alignment)
-    np.testing.assert_allclose(_line(shift, VERMILION)[:, 1], errors.translations)
-    np.testing.assert_allclose(_line(turn, VERMILION)[:, 1], np.degrees(errors.rotations))
-    steps = np.diff(_line(shift, VERMILION)[:, 0])
+    np.testing.assert_allclose(_line(translation, VERMILION)[:, 1], errors.translations)
+    np.testing.assert_allclose(_line(rotation, VERMILION)[:, 1], np.degrees(errors.rotations))
+    steps = np.diff(_line(translation, VERMILION)[:, 0])
     np.testing.assert_allclose(steps, np.hypot(2.0, 0.01 * (2 * np.arange(39) + 1)))
 
 
-def test_a_title_is_drawn_if_there_is_one():
+def test_the_title_is_optional():
     assert trajectory_figure(TRUTH, TRUTH, title="a drive")._suptitle.get_text() == "a drive"
     assert trajectory_figure(TRUTH, TRUTH)._suptitle is None
 
 
-def test_one_pose_has_a_picture_too_and_none_has_not(tmp_path):
+def test_one_pose_gives_a_figure_and_none_is_rejected(tmp_path):
     figure = trajectory_figure(TRUTH[:1], DRIFT[:1])
     figure.savefig(tmp_path / "one.png")
     with pytest.raises(InvalidInput, match="at least one, got 0 and 0"):

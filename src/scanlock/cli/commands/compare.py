@@ -14,8 +14,8 @@ from scanlock.errors import InvalidInput, require_count
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scanlock.experiments.comparison import Compared
-    from scanlock.experiments.pairwise import Limits
+    from scanlock.experiments.comparison import ComparisonResult
+    from scanlock.experiments.pairwise import Tolerance
     from scanlock.experiments.series import ScanSeries
     from scanlock.pipelines.starts import AroundTruth
     from scanlock.pipelines.study import StudyPair
@@ -146,15 +146,15 @@ def compare(
     from scanlock.cli.progress import progress
     from scanlock.experiments.comparison import Comparison, comparison_findings
     from scanlock.experiments.comparison import compare as compared_by
-    from scanlock.experiments.page import described, truth_sentence, write_findings
-    from scanlock.experiments.pairwise import Limits
+    from scanlock.experiments.page import series_text, truth_sentence, write_findings
+    from scanlock.experiments.pairwise import Tolerance
     from scanlock.report.canvas import require_figures
 
     require_figures()
     for name, count in (("--every", every), ("--apart", apart), ("--pairs", pairs)):
         require_count(name, 1 if count is None else count)
     ground_truth, initial = truth or Truth(), starts or Starts()
-    limits = Limits(metres=ground_truth.metres, degrees=ground_truth.degrees)
+    tolerance = Tolerance(metres=ground_truth.metres, degrees=ground_truth.degrees)
     series = _series(scans, every, ground_truth, reading or Reading())
     chosen = _chosen(series, apart, pairs, ground_truth)
     has_truth = ground_truth.agree or any(pair.truth is not None for pair in chosen)
@@ -164,19 +164,19 @@ def compare(
         load=series.load,
         key=series.key,
         around=initial.plan(has_truth=has_truth),
-        take_agreed=ground_truth.agree,
-        limits=limits,
+        use_consensus=ground_truth.agree,
+        tolerance=tolerance,
     )
     output.mkdir(parents=True, exist_ok=True)
     with compile_watch():
         done = compared_by(comparison, output / "records.jsonl", progress)
     count = f"{len(chosen)} pair{'s' if len(chosen) > 1 else ''}"
     print_title(f"{series.title}: {count}")
-    show_errors(done.direct, limits)
+    show_errors(done.direct, tolerance)
     if comparison.around is not None:
-        _show_basins(done, comparison.around, limits)
+        _show_basins(done, comparison.around, tolerance)
     findings = comparison_findings(comparison, done, series)
-    intro = f"{described(series)}, {count}. {truth_sentence(series)}"
+    intro = f"{series_text(series)}, {count}. {truth_sentence(series)}"
     page = write_findings(output, "Comparison of methods", intro, comparison.methods, findings)
     print_line(f"wrote {page} with tables, pictures and records")
 
@@ -239,12 +239,12 @@ def _chosen(
     return [pairs[row * len(pairs) // most] for row in range(most)]
 
 
-def _show_basins(done: "Compared", plan: "AroundTruth", limits: "Limits") -> None:
+def _show_basins(done: "ComparisonResult", plan: "AroundTruth", tolerance: "Tolerance") -> None:
     from scanlock.cli.console import print_table, print_title
     from scanlock.experiments.comparison import basins
 
     heads = ["error", *(f"{math.degrees(angle):g} deg" for angle in plan.angles)]
-    for name, basin in basins(done, plan, limits).items():
+    for name, basin in basins(done, plan, tolerance).items():
         print_title(f"{name}: solved initial poses")
         print_table(
             heads,

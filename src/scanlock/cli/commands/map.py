@@ -227,7 +227,7 @@ class _Drive:
         kept = [index for index in self.doubtful if index < len(places)]
         title = f"{len(places)} scans, {self._length():.0f} m"
         points = self._map.points.astype(np.float64)
-        save_figure(path, drive_figure(points, places, doubtful=kept, title=title))
+        save_figure(path, drive_figure(points, places, untrusted=kept, title=title))
 
     def _length(self) -> float:
         from scanlock.evaluation.trajectory_errors import path_lengths

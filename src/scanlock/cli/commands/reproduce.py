@@ -91,14 +91,14 @@ def _series(
         return recorded_series(data, every=experiment.every, scans=scans, poses=poses)
     if poses is not None:
         raise InvalidInput("--poses needs --data; simulated scans have exact poses")
-    return experiment.simulated(scans or experiment.scans, seed)
+    return experiment.simulate(scans or experiment.scans, seed)
 
 
 def _show_claims(findings: "Findings") -> None:
     from scanlock.cli.console import Facts, print_facts, print_title
 
     facts: Facts = [
-        (_MARKS[claim.holds], f"{claim.says} ({claim.because})")
+        (_MARKS[claim.holds], f"{claim.statement} ({claim.reason})")
         for section in findings.sections
         for claim in section.claims
     ]

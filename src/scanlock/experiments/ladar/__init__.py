@@ -1,1 +1,1 @@
-"""The ladar experiment of Madhavan and Messina 2003."""
+"""Ladar experiment of Madhavan and Messina 2003: range images registered by adaptive ICP."""

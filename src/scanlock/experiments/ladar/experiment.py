@@ -1,4 +1,4 @@
-"""Madhavan and Messina 2003, section 3: range images of a ladar, registered by adaptive ICP."""
+"""Experiment of Madhavan and Messina 2003, section 3: contenders, page and figures."""
 
 from dataclasses import replace
 
@@ -7,10 +7,17 @@ from numpy.typing import NDArray
 
 from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.evaluation.voxel_map import VoxelMap
-from scanlock.experiments.experiment import Contender, Experiment, Findings, Outcome, Section, Watch
+from scanlock.experiments.experiment import (
+    Contender,
+    Experiment,
+    Findings,
+    Outcome,
+    Progress,
+    Section,
+)
 from scanlock.experiments.ladar.claims import ladar_claims, ladar_remarks
 from scanlock.experiments.ladar.figures import first_poses, first_scans, ladar_figures
-from scanlock.experiments.ladar.outcome import LadarOutcome, measured
+from scanlock.experiments.ladar.outcome import LadarOutcome, measure_distances
 from scanlock.experiments.ladar.rows import ROWS, STARTS
 from scanlock.experiments.ladar.series import ladar_pairs, ladar_series
 from scanlock.experiments.ladar.tables import drive_table, paper_table, solved_table
@@ -21,92 +28,92 @@ from scanlock.registration.methods.icp import Icp
 from scanlock.registration.registry import METHODS
 from scanlock.simulation import FacetLadar
 
-PRINTED, ANNEALED = "ICP 2003", "annealed ICP"
+PUBLISHED, ANNEALED = "ICP 2003", "annealed ICP"
 
-_ABOUT = """\
+_DESCRIPTION = """\
 Section 3 of Madhavan and Messina 2003 registers range images of a ladar (32 rows, 180 columns) on
-an off-road vehicle by ICP with an adaptive limit on the distance of pairs. Table 1 has four:
-consecutive images; images 20 frames apart; the latter with D moved by another metre along each
-axis; and the first with D turned by 10 degrees and moved by 3 m along each axis. It prints the
-mean distance of the closest points after registration, and the iterations; the true poses were not
-known."""
+an off-road vehicle by ICP with an adaptive maximum correspondence distance. Table 1 has four rows:
+consecutive images; images 20 frames apart; the latter with D translated by 1 m along each axis; and
+the first with D rotated by 10 degrees and translated by 3 m along each axis. It has the mean
+distance of the closest points after registration and the iterations. The true poses are
+unknown."""
 
 _RESOLUTION = """\
-How close two images can lie follows from the resolution of the ladar and from its way between
-them: once it has moved, it meets other points of the same grass. The paper tells neither. The
-speeds of the first two drives were chosen so that the exact pose leaves about what the paper
-prints; the others are beyond it. A mean distance is thus to be held against that of the exact
-pose, and proves no pose. It is taken over the pairs within the mean and three deviations of all,
-those that the paper keeps where scans are well aligned."""
+The mean distance at the exact pose depends on the resolution of the ladar and on its motion between
+two images, because a moved ladar samples other points of the same surface. The paper states
+neither. The speeds of the first two drives give about the distances of the paper at the exact pose;
+the other two drives are additional. A mean distance must be compared with that of the exact pose,
+and does not prove a pose. It is over the correspondences below the mean plus three standard
+deviations, those that the paper accepts for well aligned scans."""
 
 _SOLVED = f"""\
-Places at which the pose ends within {SOLVED} of the true one, and over all frames and starts the
-errors, with the poses that were called right."""
+Places with a pose within {SOLVED} of the true one. The errors and the poses with status ok are over
+all frames and starts."""
 
 
 def ladar_contenders() -> list[Contender]:
-    """Return the paper's method, those that it leaves to later work, and others."""
+    """Return the method of the paper, its proposed extensions, and other methods."""
     noise = SensorNoise(range_deviation=FacetLadar().range_noise)
     icp = Icp()
     noisy = replace(icp, noise=noise, estimation=replace(icp.estimation, algorithm="gauss-newton"))
     planes = replace(icp.estimation, algorithm="gauss-newton", residual="point-to-plane")
     return [
         Contender(
-            name=PRINTED,
+            name=PUBLISHED,
             method=Icp.madhavan2003(),
-            remark="all points, a Delaunay tessellation, limits from the statistics of all pairs; "
-            "D is three times the spacing of M, and the end a change of 1 %, of which the paper "
-            "tells no numbers",
+            remark="all points, Delaunay tessellation, threshold from the statistics of all "
+            "correspondences; D is three times the point spacing of M and the tolerance is a "
+            "change of 1 %, both not stated in the paper",
         ),
         Contender(
             name="ICP",
             method=icp,
-            remark="scanlock's own settings: points thinned to voxels of 0.5 m, limits from the "
-            "statistics of the pairs that were kept, once the pose has settled",
+            remark="settings of scanlock: downsampled to voxels of 0.5 m, threshold from the "
+            "statistics of the accepted correspondences after convergence",
         ),
         Contender(
             name="ICP with noise",
             method=noisy,
-            remark="the same, pairs weighed by the noise of the ladar and its angles",
+            remark="the same, correspondences weighted by the range and angle noise of the ladar",
         ),
         Contender(
             name="ICP to planes",
             method=replace(icp, estimation=planes),
-            remark="the same, to planes",
+            remark="the same, point to plane",
         ),
         Contender(
             name=ANNEALED,
             method=METHODS["icp-annealed"],
-            remark="simulated annealing in front, as the paper proposes against wrong minima",
+            remark="simulated annealing before ICP, as proposed in the paper against local minima",
         ),
         *(
-            Contender(name=name, method=METHODS[key], remark="scanlock's own settings")
+            Contender(name=name, method=METHODS[key], remark="settings of scanlock")
             for name, key in (("G-ICP", "gicp"), ("NDT", "ndt"), ("SGC-NDT-D2D", "sgc-ndt-d2d"))
         ),
     ]
 
 
-def _examine(outcome: Outcome, watch: Watch) -> Findings:
-    found = measured(outcome, watch)
+def _analyse(outcome: Outcome, progress: Progress) -> Findings:
+    found = measure_distances(outcome, progress)
     table = paper_table(found)
-    figures = ladar_figures(found, [PRINTED, ANNEALED])
-    tracks = _tracks(found)
+    figures = ladar_figures(found, [PUBLISHED, ANNEALED])
+    trajectories = _trajectories(found)
     return Findings(
         sections=[
             Section(
                 title="Table 1",
-                text="Medians over all places. Iterations are pairings of ICP, those of the "
-                "descent that is kept where several are tried, and evaluations of the score for "
-                "the other methods.",
+                text="Medians over all places. Iterations are correspondence updates of ICP, those "
+                "of the best run where there are several, and evaluations of the score for the "
+                "other methods.",
                 tables={"table-1": table},
             ),
             Section(
-                title="What the paper says",
-                claims=ladar_claims(found, PRINTED),
-                remarks=ladar_remarks(found, PRINTED),
+                title="Claims of the paper",
+                claims=ladar_claims(found, PUBLISHED),
+                remarks=ladar_remarks(found, PUBLISHED),
             ),
             Section(
-                title="What a mean distance tells",
+                title="Mean distances at the exact pose",
                 text=_RESOLUTION,
                 tables={"frames": drive_table(found)},
             ),
@@ -133,15 +140,15 @@ def _examine(outcome: Outcome, watch: Watch) -> Findings:
                 figures={"distances": figures["distances"]},
             ),
         ],
-        trajectories=tracks,
+        trajectories=trajectories,
         times=np.array([0.0, ROWS[-1].drive.apart / FacetLadar().rate]),
         headline=table,
-        maps=_maps(found, {name: poses[1] for name, poses in tracks.items()}),
+        maps=_maps(found, {name: poses[1] for name, poses in trajectories.items()}),
     )
 
 
-def _tracks(found: LadarOutcome) -> dict[str, list[Pose]]:
-    """Return M from M and D of row #4 at the first place, by contender and as it is true."""
+def _trajectories(found: LadarOutcome) -> dict[str, list[Pose]]:
+    """Return the poses of M and D in M for row #4 at the first place, by contender and true."""
     poses = first_poses(found, ROWS[-1])
     truth = found.pairs(ROWS[-1].drive)[0].truth
     if truth is not None:
@@ -153,24 +160,24 @@ def _maps(found: LadarOutcome, poses: dict[str, Pose]) -> dict[str, NDArray[np.f
     model, data = first_scans(found, ROWS[-1])
     maps: dict[str, NDArray[np.float32]] = {}
     for name, pose in poses.items():
-        laid = VoxelMap(VOXEL_SIZE)
-        laid.add(model)
-        laid.add(pose.apply(data))
-        maps[name] = laid.points
+        voxels = VoxelMap(VOXEL_SIZE)
+        voxels.add(model)
+        voxels.add(pose.apply(data))
+        maps[name] = voxels.points
     return maps
 
 
 LADAR = Experiment(
     name="ladar",
     title="Range images of a ladar on rugged terrain",
-    about=_ABOUT,
+    description=_DESCRIPTION,
     contenders=ladar_contenders(),
-    simulated=ladar_series,
+    simulate=ladar_series,
     scans=20,
     every=None,
-    examine=_examine,
+    analyse=_analyse,
     starts=STARTS,
     pairs=ladar_pairs,
-    pairing="two frames of each of four drives",
+    pairs_text="two frames of each of four drives",
 )
 """Section 3, Table 1 and Figures 2 and 3."""

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 def ladar_figures(found: LadarOutcome, shown: Sequence[str]) -> dict[str, "Figure"]:
-    """Return the figures by the names of their files.
+    """Return the figures by file name.
 
     Parameters
     ----------
     found : LadarOutcome
     shown : sequence of str
-        Contenders whose poses are drawn.
+        Contenders in the figures.
     """
     drawn = [row for row in ROWS if row.name != "#2"]
     scans = {row.name: first_scans(found, row) for row in drawn}
@@ -63,14 +63,14 @@ def ladar_figures(found: LadarOutcome, shown: Sequence[str]) -> dict[str, "Figur
 
 
 def first_scans(found: LadarOutcome, row: PaperRow) -> tuple[Points, Points]:
-    """Return the points of model and data [m] of a row at the first place."""
+    """Return the points of model M and data D [m] of a row at the first place."""
     pair = found.pairs(row.drive)[0]
     load = found.outcome.series.load
     return np.asarray(load(pair.target)), np.asarray(load(pair.source))
 
 
 def first_poses(found: LadarOutcome, row: PaperRow) -> dict[str, Pose]:
-    """Return the pose that each contender found for a row at the first place, where it did."""
+    """Return the poses of a row at the first place, without failed contenders."""
     poses = {
         name: found.records(row.drive, row.start, name)[0].pose for name in found.outcome.records
     }
@@ -78,7 +78,7 @@ def first_poses(found: LadarOutcome, row: PaperRow) -> dict[str, Pose]:
 
 
 def _placed(found: LadarOutcome, row: PaperRow, shown: Sequence[str]) -> Mapping[str, Pose]:
-    """Return where D lies before and after; a contender without a pose leaves it where it was."""
+    """Return the poses of D before and after registration; the start for failed contenders."""
     start = STARTS.pose(row.start, "", None, np.zeros(3))
     ends = first_poses(found, row)
     after = {

@@ -1,4 +1,4 @@
-"""The registrations of the ladar experiment, and the mean distances that they leave."""
+"""Registrations of the ladar experiment and the mean distances of closest points."""
 
 import math
 from collections.abc import Mapping
@@ -8,7 +8,7 @@ import numpy as np
 
 from scanlock.arrays import Points
 from scanlock.evaluation.closest_distances import closest_distances, inlier_mean
-from scanlock.experiments.experiment import Outcome, Watch
+from scanlock.experiments.experiment import Outcome, Progress
 from scanlock.experiments.ladar.series import DRIVES, LadarDrive, pairs_of
 from scanlock.experiments.pairwise import SOLVED
 from scanlock.geometry.pose import Pose
@@ -17,16 +17,16 @@ from scanlock.pipelines.study import StudyPair, StudyRecord
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LadarOutcome:
-    """The registrations, with the mean distances that they leave.
+    """Registrations with the mean distances of closest points.
 
     Attributes
     ----------
     outcome : Outcome
     after : mapping to float [m]
-        By the names of pair, start and contender: the mean distance of the closest points at the
-        pose that was found; see `inlier_mean`.
+        Mean distance at the resulting pose by names of pair, start and contender; see
+        `inlier_mean`.
     exact : mapping of str to float [m]
-        The same at the exact pose, by the name of the pair.
+        Mean distance at the exact pose by the name of the pair.
     """
 
     outcome: Outcome
@@ -35,15 +35,15 @@ class LadarOutcome:
 
     @property
     def places(self) -> int:
-        """At how many places each drive was."""
+        """Number of places of each drive."""
         return len(self.outcome.pairs) // len(DRIVES)
 
     def pairs(self, drive: LadarDrive) -> list[StudyPair]:
-        """Return the pairs of a drive, one a place."""
+        """Return the pairs of a drive, one per place."""
         return pairs_of(drive, self.outcome.pairs)
 
     def records(self, drive: LadarDrive, start: str, contender: str) -> list[StudyRecord]:
-        """Return what a contender made of a drive from a start, one record a place."""
+        """Return the records of a contender for a drive and a start, one per place."""
         wanted = {pair.name for pair in self.pairs(drive)}
         return [
             record
@@ -60,19 +60,19 @@ class LadarOutcome:
         return [self.exact[pair.name] for pair in self.pairs(drive)]
 
     def solved(self, drive: LadarDrive, start: str, contender: str) -> int:
-        """Return at how many places the true pose was found."""
-        return sum(SOLVED.hold(record) for record in self.records(drive, start, contender))
+        """Return the number of solved places."""
+        return sum(SOLVED.accepts(record) for record in self.records(drive, start, contender))
 
 
-def measured(outcome: Outcome, watch: Watch) -> LadarOutcome:
-    """Return the registrations with the mean distances that they leave."""
+def measure_distances(outcome: Outcome, progress: Progress) -> LadarOutcome:
+    """Return the registrations with the mean distances of closest points."""
     after: dict[tuple[str, str, str], float] = {}
     exact: dict[str, float] = {}
     found: dict[str, list[StudyRecord]] = {pair.name: [] for pair in outcome.pairs}
     for records in outcome.records.values():
         for record in records:
             found[record.task.pair].append(record)
-    for pair in watch(outcome.pairs, len(outcome.pairs), "measuring distances"):
+    for pair in progress(outcome.pairs, len(outcome.pairs), "measuring distances"):
         model, data = (np.asarray(outcome.series.load(n)) for n in (pair.target, pair.source))
         exact[pair.name] = _mean_distance(model, data, pair.truth)
         for record in found[pair.name]:

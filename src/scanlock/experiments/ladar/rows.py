@@ -1,4 +1,4 @@
-"""Table 1 of Madhavan and Messina 2003: which pairs its rows are, and what it prints."""
+"""Table 1 of Madhavan and Messina 2003: pairs, starts and numbers of its rows."""
 
 import math
 from dataclasses import dataclass
@@ -23,25 +23,27 @@ STARTS = Displaced(
         ),
     }
 )
-"""How range image D is moved. The paper does not name the axis of its turn; here it is upright."""
+"""Motions of range image D. The rotation axis is not stated in the paper; here it is vertical."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PaperRow:
-    """A row of Table 1."""
+    """Row of Table 1."""
 
     name: str
+    """Number of the row."""
+
     drive: LadarDrive
-    """Between which frames of ours its pair is."""
+    """Simulated drive that represents the pair."""
 
     start: str
-    """How D is moved: one of `STARTS`."""
+    """Motion of D, one of `STARTS`."""
 
     distance: float
-    """Mean distance after registration, as printed [m]."""
+    """Mean distance after registration in the paper [m]."""
 
     iterations: int
-    """As printed."""
+    """Number of iterations in the paper."""
 
     def __str__(self) -> str:
         return f"{self.name} ({self.drive}, {self.start})"

@@ -1,4 +1,4 @@
-"""Frames of a facet ladar that stands, creeps, walks and drives over rugged terrain."""
+"""Simulated frames of a facet ladar on rugged terrain, at four speeds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,16 +25,16 @@ from scanlock.simulation import (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LadarDrive:
-    """How a vehicle moves between two frames of its ladar."""
+    """Motion of a vehicle between two frames of its ladar."""
 
     name: str
-    """What it is called, in names of frames too."""
+    """Name of the drive, also in the names of frames."""
 
     speed: float
-    """Along the way [m/s]."""
+    """Speed along the path [m/s]."""
 
     apart: int
-    """How many frames the pair is apart."""
+    """Number of frames between the two scans of a pair."""
 
     def __str__(self) -> str:
         frames = "consecutive frames" if self.apart == 1 else f"{self.apart} frames apart"
@@ -47,24 +47,24 @@ WALKING = LadarDrive(name="at a walk", speed=1.0, apart=20)
 DRIVING = LadarDrive(name="at 15 km/h", speed=15.0 / 3.6, apart=1)
 
 DRIVES = (CREEPING, PARKED, DRIVING, WALKING)
-"""The paper does not tell its speeds; the first two leave its distances, the others are beyond."""
+"""All drives. The paper states no speeds; the first two give its mean distances."""
 
 _SEEDS = 1000
-"""Terrains of one experiment have seeds this far from those of the next."""
+"""Difference between the terrain seeds of two experiments."""
 
 _PLACES = 5
-"""Places on each terrain, evenly along its way of some 300 m, farther than the ladar sees ahead."""
+"""Number of places per terrain, evenly spaced on about 300 m, beyond the ladar's range."""
 
 
 def ladar_series(places: int, seed: int) -> ScanSeries:
-    """Return two frames for each of `DRIVES` at each of so many places, in vehicle frames.
+    """Return two frames of each of `DRIVES` at several places, in vehicle frames.
 
     Parameters
     ----------
     places : int
-        At least one; five on each terrain.
+        Number of places, at least 1; five per terrain.
     seed : int
-        Decides terrains and noise.
+        Seed of terrains and noise.
     """
     require_count("places", places)
     require_count("seed", seed, minimum=0)
@@ -103,7 +103,7 @@ def _runs(place: int, seed: int) -> list[LadarSequence]:
 
 @lru_cache(maxsize=1)
 def _terrain(number: int) -> Scene:
-    """Return a terrain by its seed; the last one is kept, for it takes seconds to grow."""
+    """Return a terrain by its seed; the last one is cached, because it takes seconds."""
     return rugged(np.random.default_rng(number))
 
 
@@ -114,7 +114,7 @@ def frame_names(place: int, drive: LadarDrive) -> tuple[str, str]:
 
 
 def ladar_pairs(series: ScanSeries) -> list[StudyPair]:
-    """Return the pair of each drive at each place, place by place."""
+    """Return the pair of each drive at each place, ordered by place."""
     truth = dict(zip(series.names, series.truth, strict=True))
     return [
         StudyPair(target=target, source=source, truth=truth[target].inverse() @ truth[source])
@@ -123,11 +123,11 @@ def ladar_pairs(series: ScanSeries) -> list[StudyPair]:
 
 
 def pairs_of(drive: LadarDrive, pairs: Sequence[StudyPair]) -> list[StudyPair]:
-    """Return the pairs of one drive, in the order of their places."""
+    """Return the pairs of one drive, ordered by place."""
     return list(pairs[DRIVES.index(drive) :: len(DRIVES)])
 
 
 def range_image(points: Points) -> Matrix:
-    """Return the (32, 180) ranges [m] behind the points of a frame; NaN where nothing came back."""
+    """Return the (32, 180) range image [m] of a frame; NaN without a return."""
     pan, tilt = AHEAD_AND_DOWN.at(0.0)
     return ranges_from_points(points, FacetLadar(), PanTiltMount(), pan=pan, tilt=tilt)

@@ -1,4 +1,4 @@
-"""Tables of the ladar experiment: medians over all places."""
+"""Tables of the ladar experiment, with medians over all places."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from scanlock.report.tables import Cell, Column, Table
 
 
 def paper_table(found: LadarOutcome) -> Table:
-    """Return Table 1, each contender beside the paper's numbers: medians over the places."""
+    """Return Table 1 with the numbers of the paper and of each contender."""
     columns = [
         Column("data set"),
         Column("method"),
@@ -36,20 +36,20 @@ def paper_table(found: LadarOutcome) -> Table:
                     row.name,
                     name,
                     100.0 * row.distance,
-                    100.0 * middle(found.distances(row.drive, row.start, name)),
-                    100.0 * middle(found.exact_distances(row.drive)),
+                    100.0 * finite_median(found.distances(row.drive, row.start, name)),
+                    100.0 * finite_median(found.exact_distances(row.drive)),
                     row.iterations,
-                    middle([float(record.evaluations) for record in records]),
+                    finite_median([float(record.evaluations) for record in records]),
                     f"{found.solved(row.drive, row.start, name)} / {len(records)}",
-                    middle([record.translation_error for record in records]),
-                    math.degrees(middle([record.rotation_error for record in records])),
+                    finite_median([record.translation_error for record in records]),
+                    math.degrees(finite_median([record.rotation_error for record in records])),
                 ]
             )
     return Table(columns, rows)
 
 
 def solved_table(found: LadarOutcome) -> Table:
-    """Return at how many places each contender solves each drive from each start."""
+    """Return the number of solved places by drive, start and contender."""
     names = [*found.outcome.records]
     printed = {(row.drive, row.start): row.name for row in ROWS}
     rows: list[list[Cell]] = [
@@ -57,7 +57,7 @@ def solved_table(found: LadarOutcome) -> Table:
             str(drive),
             start,
             printed.get((drive, start), "-"),
-            *(f"{found.solved(drive, start, n)} / {found.places}" for n in names),
+            *(f"{found.solved(drive, start, name)} / {found.places}" for name in names),
         ]
         for drive in DRIVES
         for start in STARTS.names
@@ -68,18 +68,18 @@ def solved_table(found: LadarOutcome) -> Table:
 
 
 def drive_table(found: LadarOutcome) -> Table:
-    """Return how far each drive goes between its frames, and what that leaves at the exact pose."""
+    """Return the motion of each drive between its frames, and the mean distances."""
     columns = [
         Column("frames"),
         Column("speed [m/s]", ".2f"),
-        Column("way between [m]", ".3f"),
-        Column("turn between [deg]", ".3f"),
+        Column("distance between [m]", ".3f"),
+        Column("rotation between [deg]", ".3f"),
         Column("points of M", ".0f"),
         Column("points of D", ".0f"),
         Column("mean distance as taken [cm]", ".2f"),
         Column("at the exact pose [cm]", ".2f"),
-        Column("least [cm]", ".2f"),
-        Column("most [cm]", ".2f"),
+        Column("minimum [cm]", ".2f"),
+        Column("maximum [cm]", ".2f"),
     ]
     load = found.outcome.series.load
     rows: list[list[Cell]] = []
@@ -93,12 +93,12 @@ def drive_table(found: LadarOutcome) -> Table:
             [
                 str(drive),
                 drive.speed,
-                middle([metres for metres, _ in motions]),
-                math.degrees(middle([radians for _, radians in motions])),
-                middle([float(len(model)) for model, _ in scans]),
-                middle([float(len(data)) for _, data in scans]),
-                100.0 * middle(before),
-                middle(exact),
+                finite_median([metres for metres, _ in motions]),
+                math.degrees(finite_median([radians for _, radians in motions])),
+                finite_median([float(len(model)) for model, _ in scans]),
+                finite_median([float(len(data)) for _, data in scans]),
+                100.0 * finite_median(before),
+                finite_median(exact),
                 min(exact),
                 max(exact),
             ]
@@ -106,7 +106,7 @@ def drive_table(found: LadarOutcome) -> Table:
     return Table(columns, rows)
 
 
-def middle(values: Sequence[float]) -> float:
-    """Return the median of those values that are there; NaN of none."""
-    kept = np.array(values)[np.isfinite(values)]
-    return float(np.median(kept)) if len(kept) else math.nan
+def finite_median(values: Sequence[float]) -> float:
+    """Return the median of the finite values; NaN without any."""
+    finite = np.array(values)[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else math.nan

@@ -1,8 +1,8 @@
 """Probability that a pose is correct: a logistic model of six numbers.
 
 ``probability = 1 / (1 + exp(-(INTERCEPT + sum of WEIGHTS x features)))``.
-``benchmarks/confidence.py`` fits the weights to registrations of simulated and real scans with
-ground truth, and measures the calibration on scenes left out of the fit.
+``benchmarks/uncertainty/probability.py`` fits the weights to registrations of simulated and real
+scans with ground truth, and measures the calibration on scenes left out of the fit.
 """
 
 import math

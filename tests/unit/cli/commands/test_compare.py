@@ -73,7 +73,7 @@ def test_without_poses_methods_may_agree(scanlock, folder, tmp_path):
     done = scanlock("compare", *files, "--agree", *FAST, "-o", tmp_path)
     assert done.code == 0
     assert len(_table(tmp_path / "tables" / "basin.csv")) == 8
-    assert "because methods agree upon it" in (tmp_path / "index.md").read_text()
+    assert "are a consensus of the methods" in (tmp_path / "index.md").read_text()
 
 
 def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, folder, tmp_path):

@@ -23,8 +23,8 @@ def toys(monkeypatch):
     toys = {
         name: replace(
             experiment,
-            contenders=[contender(P2D), contender(D2D, replace(METHOD, spacing=0.6))],
-            simulated=simulated,
+            contenders=[contender(P2D), contender(D2D, replace(METHOD, voxel_size=0.6))],
+            simulate=simulated,
         )
         for name, experiment in module.EXPERIMENTS.items()
     }
@@ -83,7 +83,7 @@ def test_recorded_scans_are_taken_as_the_paper_took_its_own(scanlock, toys, tmp_
     assert (done.code, toys) == (0, [])
     assert "3 scans, every 10th scan of data (folder of scans)" in done.out
     page = (tmp_path / "out" / "index.md").read_text()
-    assert "the poses that came with the scans" in page
+    assert "The poses of the data set count as true" in page
     assert str(tmp_path) not in page
 
 

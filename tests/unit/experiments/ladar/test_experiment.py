@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reference.studies import contender, record_of
-from scanlock.experiments.experiment import Outcome, unwatched
+from scanlock.experiments.experiment import Outcome, no_progress
 from scanlock.experiments.ladar.claims import ladar_claims, ladar_remarks
 from scanlock.experiments.ladar.experiment import LADAR, ladar_contenders
 from scanlock.experiments.ladar.outcome import LadarOutcome
@@ -33,7 +33,7 @@ PAPER, OTHER = "ICP 2003", "annealed ICP"
 
 @pytest.fixture(scope="module")
 def terrain():
-    """Frames at one place: a terrain takes seconds to grow."""
+    """Frames at one place; a terrain takes seconds to generate."""
     return ladar_series(1, seed=4)
 
 
@@ -53,12 +53,12 @@ def test_each_drive_has_a_pair_with_its_true_motion(terrain):
     for drive, pair in zip(DRIVES, pairs, strict=True):
         metres, _ = pair.truth.distance(Pose.identity())
         way = drive.speed * drive.apart / FacetLadar().rate
-        # A vehicle that pitches over a bump carries its ladar a little farther than it rolls.
+        # Pitching over bumps moves the ladar more than the vehicle.
         assert 0.5 * way <= metres <= 2.0 * way + 1e-4
         assert pairs_of(drive, pairs) == [pair]
 
 
-def test_range_images_are_those_of_the_frames(terrain):
+def test_range_images_hold_the_points_of_the_frames(terrain):
     for name in terrain.names[:2]:
         image = range_image(terrain.load(name))
         assert image.shape == (32, 180)
@@ -66,7 +66,7 @@ def test_range_images_are_those_of_the_frames(terrain):
         assert 0.97 * len(terrain.load(name)) <= seen <= len(terrain.load(name))
 
 
-def test_starts_are_those_of_the_paper():
+def test_starts_equal_those_of_the_paper():
     pose = STARTS.pose(SHIFTED_AND_TURNED, "any", None, np.zeros(3))
     np.testing.assert_array_equal(pose.translation, [3.0, 3.0, 3.0])
     assert pose.distance(Pose.identity())[1] == pytest.approx(math.radians(10.0))
@@ -79,14 +79,14 @@ def test_the_same_experiment_gives_the_same_bytes(terrain, done, tmp_path):
         assert path.read_bytes() == (tmp_path / path.relative_to(done.page.parent)).read_bytes()
 
 
-def test_the_page_holds_the_four_rows_beside_the_paper(done):
+def test_the_page_has_the_four_rows_with_the_numbers_of_the_paper(done):
     folder = done.page.parent
     with (folder / "tables" / "table-1.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["data set"] for row in rows] == [row.name for row in ROWS for _ in range(2)]
     first = rows[0]
     assert float(first["mean distance in the paper [cm]"]) == pytest.approx(5.77)
-    # Consecutive frames of a vehicle that hardly moves fit about as well as at the exact pose.
+    # For consecutive frames of a slow vehicle the distance is close to that at the exact pose.
     exact = float(first["at the exact pose [cm]"])
     assert float(first["mean distance [cm]"]) == pytest.approx(exact, rel=0.1)
     assert first["solved"] == "1 / 1"
@@ -97,7 +97,7 @@ def test_the_page_holds_the_four_rows_beside_the_paper(done):
     assert page.count("holds here") + page.count("does not hold here") == 6
 
 
-def test_the_printed_icp_leaves_the_distance_that_it_reports(done):
+def test_the_mean_distance_of_the_published_icp_equals_its_own_report(done):
     [record] = [
         one
         for one in done.outcome.records[PAPER]
@@ -110,7 +110,7 @@ def test_the_printed_icp_leaves_the_distance_that_it_reports(done):
     )
 
 
-def test_contenders_have_names_of_their_own_and_settings_of_the_paper():
+def test_contenders_have_unique_names_and_settings_of_the_paper():
     contenders = ladar_contenders()
     assert len({one.name for one in contenders}) == len(contenders)
     assert contenders[0].method == Icp.madhavan2003()
@@ -154,16 +154,18 @@ def _made_up(distances, errors):
         (0.2, 5.0, [False, False, False, True, False, False]),
     ],
 )
-def test_claims_follow_the_numbers(distance, error, holds):
+def test_claims_follow_from_the_numbers(distance, error, holds):
     found = _made_up({PAPER: distance, OTHER: 0.0}, {PAPER: error, OTHER: 0.0})
     assert [claim.holds for claim in ladar_claims(found, PAPER)] == holds
 
 
-def test_remarks_tell_of_each_other_method_how_far_it_goes():
+def test_remarks_compare_each_other_method_with_the_paper():
     found = _made_up({PAPER: 0.2, OTHER: 0.05}, {PAPER: 5.0, OTHER: 0.01})
     [remark] = ladar_remarks(found, PAPER)
-    assert remark.startswith(f"{OTHER} ends within the paper's mean distance on #1, #4.")
-    assert "solves #4 at 2 of 2 places and leaves 5.00 cm there, within the 5.77 cm" in remark
+    assert remark.startswith(f"{OTHER} is within the paper's mean distance on #1, #4.")
+    assert (
+        "solves #4 at 2 of 2 places with a mean distance of 5.00 cm, within the 5.77 cm" in remark
+    )
 
 
 def test_records_are_found_by_drive_and_start():
@@ -175,12 +177,12 @@ def test_records_are_found_by_drive_and_start():
         assert found.solved(drive, AS_TAKEN, PAPER) == found.places == 2
 
 
-def test_the_experiment_is_watched(done, terrain):
+def test_the_analysis_reports_progress(done, terrain):
     seen = []
 
-    def watch(items, count, what):
-        seen.append((what, count))
-        return unwatched(items, count, what)
+    def progress(items, count, task):
+        seen.append((task, count))
+        return no_progress(items, count, task)
 
-    LADAR.examine(done.outcome, watch)
+    LADAR.analyse(done.outcome, progress)
     assert seen == [("measuring distances", len(DRIVES))]

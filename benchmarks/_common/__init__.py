@@ -1,0 +1,1 @@
+"""Modules that several benchmarks share: arguments, results, data sets, starts and contenders."""

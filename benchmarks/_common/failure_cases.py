@@ -1,0 +1,229 @@
+"""Pairs with known truth for the evaluation of failure detection, most of them difficult.
+
+Real pairs with any heading, from starts up to 8 m and 45 degrees off, and cropped to sectors. Real
+scans of different places. Simulated pairs of streets, forests and rugged ground, of different
+places, and of worlds with repeated structure. Noise.
+"""
+
+import math
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks._common.contenders import MAX_DEGREES, MAX_METRES, Cloud
+from benchmarks._common.real_scans import RealPair
+from benchmarks._common.turned_pairs import all_pairs, headings, tolerance_of
+from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import exp_rotation
+from scanlock.simulation import SENSORS, scan_pair, simulate_scan
+from scanlock.simulation.scenes.look_alikes import (
+    corridor,
+    crossing,
+    open_field,
+    shaft,
+    terrace,
+    tunnel,
+)
+from scanlock.simulation.world import World
+
+LOCAL = ("sgc-ndt-d2d", "gicp", "vgicp", "ndt", "icp")
+"""Local methods, which end at a wrong pose from a start outside their basin."""
+
+_MAX_PAIRS = 15
+"""Maximum number of pairs per group of real pairs, evenly spaced."""
+
+_SECTORS = (120.0, 180.0, 240.0)
+"""Angles of the sectors that scans are cropped to [deg]."""
+
+_STRIDE = 10
+"""A downsampled scan consists of every tenth point."""
+
+_BASELINES = ((0.5, 3.0), (3.0, 8.0), (8.0, 15.0), (15.0, 25.0))
+"""Distances between the scans of simulated pairs [m], cycled by seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """Two scans, a start, and the methods that register them."""
+
+    scene: str
+    """Place of the target; cross-validation leaves out one place at a time."""
+    kind: str
+    target: Cloud
+    source: Cloud
+    truth: Pose | None
+    """True pose, or None for scans of different places, where every pose is wrong."""
+    start: Pose | None
+    methods: tuple[str, ...]
+    tolerance: tuple[float, float] = (MAX_METRES, MAX_DEGREES)
+
+
+def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
+    """Yield the cases of one group of real pairs."""
+    group = pairs[0].group
+    rng = np.random.default_rng(zlib.crc32(group.encode()))
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, _MAX_PAIRS).round().astype(int))
+    chosen = [int(index) for index in chosen]
+    turns = 3 if len(chosen) > 4 else 8
+    for index in chosen:
+        pair = pairs[index]
+        target, source = pair.load_target(), pair.load_source()
+        for turn in headings(group, index, turns):
+            yield from _pair_cases(
+                _scene(group), target, turn.apply(source), pair.truth @ turn.inverse(),
+                tolerance_of(group), rng,
+            )  # fmt: skip
+
+
+def _pair_cases(
+    scene: str, target: Cloud, source: Cloud, truth: Pose, tolerance: tuple[float, float],
+    rng: np.random.Generator,
+) -> Iterator[Case]:  # fmt: skip
+    def case(
+        kind: str, methods: tuple[str, ...], start: Pose | None = None, **changes: Cloud
+    ) -> Case:
+        clouds = {"target": target, "source": source, **changes}
+        return Case(
+            scene=scene, kind=kind, truth=truth, start=start, methods=methods,
+            tolerance=tolerance, **clouds,
+        )  # fmt: skip
+
+    yield case("any heading", ("auto",))
+    yield case("far start", LOCAL, perturbed(truth, 8.0, 45.0, rng))
+    yield case("near start", LOCAL[:2], perturbed(truth, 1.5, 8.0, rng))
+    sparse = {"target": target[::_STRIDE], "source": source[::_STRIDE]}
+    yield case("downsampled", ("auto", "gicp"), perturbed(truth, 1.5, 8.0, rng), **sparse)
+    cropped = sector(source, rng)
+    yield case("source cropped", ("auto",), source=cropped)
+    yield case(
+        "source cropped, far start", LOCAL[:1], perturbed(truth, 4.0, 30.0, rng), source=cropped
+    )
+    yield case("both cropped", ("auto",), source=cropped, target=sector(target, rng))
+
+
+def other_place_cases(data: Path, count: int, seed: int) -> Iterator[Case]:
+    """Yield cases of real scans of different places."""
+    rng = np.random.default_rng([seed, 1])
+    scans: dict[str, list[Callable[[], Cloud]]] = {}
+    for pair in all_pairs(data):
+        scans.setdefault(_scene(pair.group), []).extend((pair.load_target, pair.load_source))
+    scenes = sorted(scans)
+    for number in range(count):
+        one, other = rng.choice(len(scenes), 2, replace=False)
+        load_target, load_source = (
+            scans[scenes[i]][rng.integers(len(scans[scenes[i]]))] for i in (one, other)
+        )
+        turn = exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)]))
+        yield from other_place(scenes[one], load_target(), load_source() @ turn.T, number, rng)
+
+
+def other_place(
+    scene: str, target: Cloud, source: Cloud, number: int, rng: np.random.Generator
+) -> Iterator[Case]:
+    """Yield one case of scans of different places; four kinds alternate."""
+    start = perturbed(Pose.identity(), 5.0, 180.0, rng)
+    kind, methods, begin = (
+        ("other place", ("auto",), None),
+        ("other place, with start", LOCAL, start),
+        ("other place, source cropped", ("auto",), None),
+        ("other place, both cropped", ("auto",), None),
+    )[number % 4]
+    if "cropped" in kind:
+        source = sector(source, rng)
+    if "both" in kind:
+        target = sector(target, rng)
+    yield Case(
+        scene=scene, kind=kind, target=target, source=source, truth=None, start=begin,
+        methods=methods,
+    )  # fmt: skip
+
+
+def simulated_cases(seeds: Sequence[int]) -> Iterator[Case]:
+    """Yield cases of one simulated pair per seed, and of scans of two seeds."""
+    previous: Cloud | None = None
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 2])
+        kind = ("street", "forest", "rugged")[seed % 3]
+        sensor = tuple(SENSORS)[seed // 3 % len(SENSORS)]
+        pair = scan_pair(
+            kind, sensor, seed, baseline=_BASELINES[seed % len(_BASELINES)], turn=math.pi
+        )
+        target, source = pair.target.points, pair.source.points
+        scene = f"simulated {kind} {seed}"
+        tolerance = (MAX_METRES, MAX_DEGREES)
+        yield from _pair_cases(scene, target, source, pair.target_from_source, tolerance, rng)
+        if previous is not None:
+            for number in range(4):
+                yield from other_place(scene, target, previous, number, rng)
+        yield _noise_case(scene, target, rng)
+        previous = source
+
+
+def _noise_case(scene: str, target: Cloud, rng: np.random.Generator) -> Case:
+    noise = rng.uniform((-30.0, -30.0, -2.0), (30.0, 30.0, 8.0), (20000, 3))
+    return Case(
+        scene=scene, kind="noise", target=target, source=noise, truth=None, start=None,
+        methods=("auto", *LOCAL),
+    )  # fmt: skip
+
+
+def look_alike_cases(seeds: Sequence[int]) -> Iterator[Case]:
+    """Yield cases of worlds that look the same from several places."""
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 3])
+        name, world = look_alike_world(seed, rng)
+        title = f"look-alike, {name}"
+        height = 0.0 if name == "tunnel" else 1.2
+        sensor = tuple(SENSORS.values())[seed % len(SENSORS)]()
+        poses = [
+            Pose(
+                exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)])),
+                np.array([rng.uniform(-3.0, 3.0), rng.uniform(-0.5, 0.5), height]),
+            )
+            for _ in range(2)
+        ]
+        target, source = (simulate_scan(world, sensor, pose, rng).points for pose in poses)
+        truth = poses[0].inverse() @ poses[1]
+        for methods, start in ((("auto",), None), (LOCAL, perturbed(truth, 4.0, 45.0, rng))):
+            yield Case(
+                scene=title, kind=title, target=target, source=source, truth=truth, start=start,
+                methods=methods,
+            )  # fmt: skip
+
+
+def look_alike_world(seed: int, rng: np.random.Generator) -> tuple[str, World]:
+    """Return the name and the world of a seed; worlds have random sizes."""
+    makers: tuple[tuple[str, Callable[[], World]], ...] = (
+        ("open field", open_field),
+        ("corridor", lambda: corridor(rng.uniform(2.0, 8.0), rng.uniform(2.2, 4.0))),
+        ("tunnel", lambda: tunnel(rng.uniform(2.5, 6.0))),
+        ("shaft", lambda: shaft(rng.uniform(4.0, 20.0))),
+        ("crossing", lambda: crossing(rng.uniform(8.0, 20.0), rng.uniform(15.0, 40.0))),
+        ("terrace", lambda: terrace(rng.uniform(5.0, 15.0), rng.uniform(8.0, 20.0))),
+    )
+    name, make = makers[seed % len(makers)]
+    return name, make()
+
+
+def perturbed(pose: Pose, metres: float, degrees: float, rng: np.random.Generator) -> Pose:
+    """Return a pose with an error up to the given size, mostly horizontal and in yaw."""
+    shift, turn = rng.normal(size=(2, 3)) * [[1.0, 1.0, 0.1], [0.1, 0.1, 1.0]]
+    shift *= metres * rng.uniform() / np.linalg.norm(shift)
+    turn *= math.radians(degrees) * rng.uniform() / np.linalg.norm(turn)
+    return Pose(exp_rotation(turn) @ pose.rotation, pose.translation + shift)
+
+
+def sector(points: Cloud, rng: np.random.Generator) -> Cloud:
+    """Return the points in a random sector, or the whole scan if the sector has under 500."""
+    azimuth = np.arctan2(points[:, 1], points[:, 0])
+    width, centre = math.radians(rng.choice(_SECTORS)), rng.uniform(-math.pi, math.pi)
+    offset = np.abs((azimuth - centre + math.pi) % (2.0 * math.pi) - math.pi)
+    inside = points[offset < 0.5 * width]
+    return inside if len(inside) > 500 else points
+
+
+def _scene(group: str) -> str:
+    return group.split(",")[0]

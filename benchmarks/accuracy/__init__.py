@@ -1,0 +1,6 @@
+"""Errors of poses and of ground segmentation, from near starts or without a start error.
+
+``real_pairs`` and ``simulated_pairs`` register from the identity, ``split_scans`` registers two
+halves of one scan, ``settings`` changes one setting at a time, and ``ground`` scores ground
+segmentation.
+"""

@@ -1,0 +1,1 @@
+"""Readers, writers and commands under damaged files (``fuzz_readers``) and ``interrupts``."""
