@@ -25,22 +25,12 @@ extensions = [
     "sphinx.ext.viewcode",
 ]
 exclude_patterns = ["_build"]
-templates_path = ["_templates"]
 default_role = "py:obj"
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 
 autosummary_generate = True
-_public = [getattr(scanlock, name) for name in scanlock.__all__]
-autosummary_context = {
-    # Relative to the package, whose page lists them.
-    "public_names": [
-        f"{value.__module__.removeprefix('scanlock.')}.{value.__name__}"
-        for value in _public
-        if callable(value)
-    ]
-}
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {
