@@ -1,4 +1,4 @@
-"""Commands that are interrupted, asked to end or killed leave whole files, and no other word."""
+"""Interrupted, terminated or killed commands leave complete files and print nothing else."""
 
 import multiprocessing
 import os
@@ -23,7 +23,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.simulation import CAR, Drive, SimulatedSequence, SurfaceClass, World, boxes, hdl_32e
 
 if numba.config.DISABLE_JIT or "fork" not in multiprocessing.get_all_start_methods():
-    pytest.skip("needs a compiler, and a system that can fork", allow_module_level=True)
+    pytest.skip("needs compiled kernels and fork", allow_module_level=True)
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:This process .* is multi-threaded:DeprecationWarning"
@@ -37,43 +37,44 @@ _WRITERS = tuple(str(Path(package.__file__).parent) for package in (cli, io))
 
 
 @pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    """A folder with a folder of scans."""
-    place = tmp_path_factory.mktemp("place")
-    (place / "drive").mkdir()
+def workplace(tmp_path_factory):
+    """A working folder with a folder of scans."""
+    workplace = tmp_path_factory.mktemp("workplace")
+    (workplace / "drive").mkdir()
     for k in range(_SCANS):
         scan = yaw_pose(0.1 * k, (1.5 * k, 0.0, 0.0)).inverse().apply(street(k + 1, 3000))
-        io.write_scan(place / "drive" / f"{k}.npy", scan)
-    return place
+        io.write_scan(workplace / "drive" / f"{k}.npy", scan)
+    return workplace
 
 
 @pytest.fixture
 def world(monkeypatch):
-    """A wall to drive along, in place of a street that takes seconds to build."""
+    """A wall instead of a street, which takes seconds to generate."""
     wall = World.of([boxes([[8.0, 0.0, 0.0]], [[1.0, 5.0, 5.0]], SurfaceClass.BUILDING)])
     poses = tuple(Pose(np.eye(3), np.array([0.1 * k, 0.0, 0.0])) for k in range(_SCANS))
     drive = Drive(poses, np.zeros((_SCANS, 6)), np.arange(_SCANS) / CAR.speed)
-    sequence = SimulatedSequence(wall, replace(hdl_32e(), azimuth_steps=256), drive, 0)
+    sensor = replace(hdl_32e(), azimuth_steps=256)
+    sequence = SimulatedSequence(world=wall, sensor=sensor, drive=drive, seed=0)
     monkeypatch.setattr(simulate, "_sequence", lambda *_: sequence)
 
 
 class _Watch:
-    """Follows the lines that write files, and sends a signal at a change of what is on disk.
+    """Trace function that sends a signal at a given change of the files in the folder `out`.
 
-    A change is all that files of the folder `out` show between two lines: a new one, another
-    size, another name. That makes moments which are the same in every run, and none is missed.
+    A change is any difference of names or sizes between two traced lines of the code that writes
+    files. Changes are the same in every run, and none is missed.
     """
 
     def __init__(self, number, moment):
         self.changes = 0
         self._number, self._moment = number, moment
-        self._seen = _sizes()
+        self._sizes = _sizes()
 
     def __call__(self, frame, event, _):
         if not frame.f_code.co_filename.startswith(_WRITERS):
             return None
-        if event == "line" and self._seen != (seen := _sizes()):
-            self._seen = seen
+        if event == "line" and self._sizes != (sizes := _sizes()):
+            self._sizes = sizes
             self.changes += 1
             if self.changes == self._moment:
                 os.kill(os.getpid(), self._number)
@@ -89,7 +90,7 @@ def _sizes():
 
 
 def _run(arguments, number=None, moment=0):
-    """Run a command in a copy of this process; return its exit code, stderr and changes."""
+    """Run a command in a forked process; return its exit code, stderr and number of changes."""
     Path("changes").touch()
     child = os.fork()
     if child == 0:
@@ -112,20 +113,20 @@ def _run(arguments, number=None, moment=0):
     return code, Path("stderr").read_text(), int(Path("changes").read_text() or "0")
 
 
-def _interrupted_runs(arguments, number, most, old=()):
-    """Run a command, interrupted at moments all over it, and yield each after checking its end.
+def _interrupted_runs(arguments, number, max_runs, old=()):
+    """Interrupt a command at evenly spaced changes; check each exit, and yield the change.
 
-    The folder `out` holds nothing before, or of every second run what `old` says.
+    The folder `out` is empty before, or for every second run contains the files `old`.
     """
     shutil.rmtree("out", ignore_errors=True)
-    main(arguments)  # here, so that no copy of this process has to load or compile anything
+    main(arguments)  # in this process, so that forks need not import or compile
     fresh = {path.name: path.read_bytes() for path in Path("out").iterdir() if path.is_file()}
     shutil.rmtree("out")
     code, error, changes = _run(arguments)
     assert (code, error) == (0, "")
     assert changes > 0
-    step = -(-changes // most)
-    # Another signal, other moments, if not all can be taken.
+    step = -(-changes // max_runs)
+    # Signals take different changes, if not all can be tested.
     for moment in range(1 + _SIGNALS.index(number) % step, changes + 1, step):
         shutil.rmtree("out")
         Path("out").mkdir()
@@ -145,43 +146,43 @@ def _interrupted_runs(arguments, number, most, old=()):
         (("segment", "drive/0.npy", "-o", "out/labels.npy"), "labels.npy"),
     ],
 )
-def test_a_file_is_the_old_one_or_the_new_one(place, monkeypatch, arguments, name, number):
-    monkeypatch.chdir(place)
+def test_a_file_is_the_old_or_the_complete_new_one(workplace, monkeypatch, arguments, name, number):
+    monkeypatch.chdir(workplace)
     old = b"1 0 0 0\n0 1 0 0\n0 0 1 0\n"
-    seen = set()
+    contents = set()
     for _, fresh in _interrupted_runs(arguments, number, 5, [(name, old)]):
-        seen.add(_content(name))
-        assert seen <= {b"", old, fresh[name]}
-    assert len(seen) > 1
+        contents.add(_content(name))
+        assert contents <= {b"", old, fresh[name]}
+    assert len(contents) > 1
 
 
 @pytest.mark.parametrize("number", _SIGNALS)
-def test_a_map_is_left_up_to_there_and_its_poses_even_by_a_kill(place, monkeypatch, number):
-    monkeypatch.chdir(place)
-    # Drawing is slow, and a picture is written as all other files are.
+def test_an_interrupt_leaves_the_map_so_far_and_a_kill_its_poses(workplace, monkeypatch, number):
+    monkeypatch.chdir(workplace)
+    # Without the slow figure, which is written like other files.
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     arguments = ("map", "drive", "-o", "out")
     for moment, fresh in _interrupted_runs(arguments, number, 5):
-        # Three files for each scan, each of them begun, filled and renamed; then all once more.
+        # Three files for each scan, each created, filled and renamed; then all of them again.
         scans, change = divmod(moment - 1, 9)
-        laid = min(scans + 1, _SCANS)
+        added = min(scans + 1, _SCANS)
         rows = [
             _rows(name, fresh)
             for name in ("trajectory_kitti.txt", "trajectory_tum.txt", "pairs.csv")
         ]
         if number == signal.SIGKILL:
             is_behind = scans < _SCANS
-            assert rows == [laid - (is_behind and change < end) for end in (2, 5, 8)]
+            assert rows == [added - (is_behind and change < end) for end in (2, 5, 8)]
             assert _content("map.ply") in (b"", fresh["map.ply"])
         else:
-            assert rows == [laid] * 3
+            assert rows == [added] * 3
             points = len(io.read_scan("out/map.ply").points)
-            assert (_content("map.ply") == fresh["map.ply"]) == (laid == _SCANS)
-            assert points >= 500 * laid
+            assert (_content("map.ply") == fresh["map.ply"]) == (added == _SCANS)
+            assert points >= 500 * added
 
 
 def _content(name):
-    """Return what is in a file; nothing only if it is not there."""
+    """Return the content of a file, which must not be empty; nothing if it does not exist."""
     path = Path("out", name)
     if not path.exists():
         return b""
@@ -191,7 +192,7 @@ def _content(name):
 
 
 def _rows(name, fresh):
-    """Return how many whole lines of those that the command writes are there."""
+    """Return the number of complete lines of a file, which must be the first ones of the output."""
     content = _content(name)
     assert fresh[name].startswith(content)
     assert content.endswith(b"\n") or not content
@@ -199,8 +200,8 @@ def _rows(name, fresh):
 
 
 @pytest.mark.parametrize("number", _SIGNALS)
-def test_simulated_scans_have_their_labels_and_poses(place, world, monkeypatch, number):
-    monkeypatch.chdir(place)
+def test_simulated_scans_have_their_labels_and_poses(workplace, world, monkeypatch, number):
+    monkeypatch.chdir(workplace)
     arguments = ("simulate", "street", "-o", "out", "--sensor", "hdl-32e", "--scans", str(_SCANS))
     for _, fresh in _interrupted_runs(arguments, number, 5):
         scans = sorted(Path("out", "scans").glob("[!.]*"))
@@ -231,32 +232,32 @@ sys.exit(main(sys.argv[2:]))
 
 
 @pytest.mark.parametrize("module", ["cyclopts", "numba.core.types"])
-def test_an_interrupt_while_modules_are_loaded_is_quiet(place, module):
+def test_an_interrupt_during_imports_prints_nothing(workplace, module):
     done = subprocess.run(
         [sys.executable, "-c", _WATCHED, module, "segment", "drive/0.npy", "-o", "new/labels.npy"],
-        cwd=place,
+        cwd=workplace,
         capture_output=True,
         text=True,
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
-    assert not (place / "new").exists()
+    assert not (workplace / "new").exists()
 
 
-def test_an_interrupt_while_kernels_are_compiled_is_quiet(place, tmp_path):
+def test_an_interrupt_during_compilation_prints_nothing(workplace, tmp_path):
     cache = tmp_path / "cache"
     with subprocess.Popen(
         [sys.executable, "-c", _PROGRAM, "segment", "drive/0.npy", "-o", "new/labels.npy"],
-        cwd=place,
+        cwd=workplace,
         env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        # Once the first kernel is kept, the next one is in the making.
+        # When the first kernel is cached, the next one is being compiled.
         while process.poll() is None and not list(cache.rglob("*.nbc")):
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)
         out, error = process.communicate()
     assert (process.returncode, out, error) == (130, "", "")
-    assert not (place / "new").exists()
+    assert not (workplace / "new").exists()

@@ -1,8 +1,8 @@
-"""Where a ray meets a surface, from the definition of the surface.
+"""Intersections of rays and surfaces by bracketing, from the definition of the surface.
 
-The solids are convex, so how far outside of one a point of a ray is (its gauge) is a convex
-function of the distance along the ray: its least value tells whether the ray meets the solid at
-all, and the crossing is bracketed ever closer. Nothing is solved for.
+The solids are convex, so their gauge (a measure of how far outside a point is) is a convex function
+of the distance along a ray. Its minimum determines whether the ray hits the solid, and the crossing
+is bracketed by subdivision. No equation is solved.
 """
 
 import itertools
@@ -13,7 +13,7 @@ FAR = 1e3
 
 
 def gauge(kind, sizes, p):
-    """A convex function of local points (..., 3) that is negative inside and zero on the solid."""
+    """Convex function of local points (..., 3), negative inside and zero on the solid."""
     a, b, c = sizes
     x, y, z = np.moveaxis(np.asarray(p), -1, 0)
     if kind == "box":
@@ -27,24 +27,24 @@ def gauge(kind, sizes, p):
 
 
 def to_local(row, points):
-    """Points in the axes of a surface."""
+    """Points in the frame of a surface."""
     return (points - row[:3]) @ row[3:12].reshape(3, 3).T
 
 
 def nearest_approach(kind, row, origin, direction):
-    """The distance along the ray at which the gauge is least, and that least value."""
+    """Distance along the ray with the minimum gauge, and the minimum."""
 
     low, high = 0.0, FAR
     for _ in range(14):
         t = np.linspace(low, high, 41)
         value = gauge(kind, row[12:], to_local(row, origin + t[:, None] * direction))
-        least = int(np.argmin(value))
-        low, high = t[max(least - 1, 0)], t[min(least + 1, 40)]
-    return t[least], value[least]
+        lowest = int(np.argmin(value))
+        low, high = t[max(lowest - 1, 0)], t[min(lowest + 1, 40)]
+    return t[lowest], value[lowest]
 
 
 def crossing(kind, row, origin, direction):
-    """The first distance at which a ray crosses a surface, infinity where it never does."""
+    """First distance at which a ray crosses a surface; infinity if it never does."""
     if kind in ("disc", "triangle"):
         return _flat_crossing(kind, row, origin, direction)
 
@@ -54,8 +54,8 @@ def crossing(kind, row, origin, direction):
     low, high = 0.0, FAR
     first = outside(np.zeros(1))[0]
     if first:
-        high, least = nearest_approach(kind, row, origin, direction)
-        if least > 0:
+        high, minimum = nearest_approach(kind, row, origin, direction)
+        if minimum > 0:
             return np.inf
     for _ in range(14):
         t = np.linspace(low, high, 41)
@@ -78,13 +78,13 @@ def _flat_crossing(kind, row, origin, direction):
         return t if (x / a) ** 2 + (y / b) ** 2 <= 1 else np.inf
     corners = np.array([[0, 0], [a, 0], [b, c]])
     sides = np.roll(corners, -1, axis=0) - corners
-    gaps = np.array([x, y]) - corners
-    turns = sides[:, 0] * gaps[:, 1] - sides[:, 1] * gaps[:, 0]
+    offsets = np.array([x, y]) - corners
+    turns = sides[:, 0] * offsets[:, 1] - sides[:, 1] * offsets[:, 0]
     return t if (turns >= 0).all() or (turns <= 0).all() else np.inf
 
 
 def clearance(kind, row, origin, direction):
-    """How far a ray is from touching the edge of a surface; near 0 rounding may decide."""
+    """Distance of a ray from the edge of a surface; near 0, rounding decides whether it hits."""
     if kind not in ("disc", "triangle"):
         return abs(nearest_approach(kind, row, origin, direction)[1])
     rate = row[9:12] @ direction
@@ -96,20 +96,20 @@ def clearance(kind, row, origin, direction):
         return abs(np.hypot(x / a, y / b) - 1)
     corners = np.array([[0, 0], [a, 0], [b, c]])
     sides = np.roll(corners, -1, axis=0) - corners
-    gaps = np.array([x, y]) - corners
-    turns = sides[:, 0] * gaps[:, 1] - sides[:, 1] * gaps[:, 0]
+    offsets = np.array([x, y]) - corners
+    turns = sides[:, 0] * offsets[:, 1] - sides[:, 1] * offsets[:, 0]
     return abs(turns / np.linalg.norm(sides, axis=1)).min()
 
 
-def incidence_cosine(kind, row, place, direction):
-    """The cosine between a ray and the normal at a place on a surface, by differences."""
+def incidence_cosine(kind, row, point, direction):
+    """Cosine between a ray and the normal at a point of a surface, by finite differences."""
     if kind in ("disc", "triangle"):
         return abs(row[9:12] @ direction)
     step = 1e-6
     gradient = np.array(
         [
-            gauge(kind, row[12:], to_local(row, place + step * axis))
-            - gauge(kind, row[12:], to_local(row, place - step * axis))
+            gauge(kind, row[12:], to_local(row, point + step * axis))
+            - gauge(kind, row[12:], to_local(row, point - step * axis))
             for axis in np.eye(3)
         ]
     )
@@ -117,7 +117,7 @@ def incidence_cosine(kind, row, place, direction):
 
 
 def height(heights, corner, cell, x, y):
-    """The bilinear height at one place, the weights by the areas across."""
+    """Bilinear height at one position."""
     u, v = (x - corner[0]) / cell, (y - corner[1]) / cell
     i = min(max(int(np.floor(u)), 0), heights.shape[0] - 2)
     j = min(max(int(np.floor(v)), 0), heights.shape[1] - 2)
@@ -126,10 +126,10 @@ def height(heights, corner, cell, x, y):
 
 
 def ground_crossing(heights, corner, cell, origin, direction, limit):
-    """The first distance at which a ray crosses the ground, infinity where it never does.
+    """First distance at which a ray crosses the ground; infinity if it never does.
 
-    Between two grid lines the height under the ray is a quadratic in the distance, which three
-    samples of it determine.
+    Between two grid lines the height below the ray is a quadratic function of the distance, which
+    three samples determine.
     """
     cuts = [0.0, limit]
     for axis, count in enumerate(heights.shape):
@@ -138,7 +138,7 @@ def ground_crossing(heights, corner, cell, origin, direction, limit):
             cuts.extend((lines - origin[axis]) / direction[axis])
     cuts = np.unique([t for t in cuts if 0 <= t <= limit])
 
-    def gap(t):
+    def height_above(t):
         x, y, z = origin + t * direction
         return z - height(heights, corner, cell, x, y)
 
@@ -147,9 +147,9 @@ def ground_crossing(heights, corner, cell, origin, direction, limit):
         middle = origin + (low + high) / 2 * direction
         if (middle[:2] < corner).any() or (middle[:2] > corner + ends).any():
             continue
-        # The three samples stay inside the cell, clear of rounding at its sides.
+        # The samples are inside the cell, away from rounding at its sides.
         s = np.array([0.2, 0.5, 0.8])
-        quadratic = np.polyfit(s, [gap(low + q * (high - low)) for q in s], 2)
+        quadratic = np.polyfit(s, [height_above(low + q * (high - low)) for q in s], 2)
         roots = np.roots(quadratic)
         real = roots[abs(roots.imag) < 1e-12].real
         inside = real[(real >= -1e-9) & (real <= 1 + 1e-9)]

@@ -1,7 +1,7 @@
 """Mean distance of closest points between two scans (Madhavan and Messina 2003).
 
 The measure needs no true pose and does not prove one. On open ground, rows of points also match
-when shifted sideways, and points seen by only one scan keep it above zero at the correct pose.
+when shifted sideways, and points of only one scan keep it above zero at the correct pose.
 """
 
 import math

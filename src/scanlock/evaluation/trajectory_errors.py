@@ -197,7 +197,17 @@ def _errors(
 
 
 def path_lengths(poses: Sequence[Pose]) -> Vector:
-    """Return the (n,) path length [m] from the first pose to each pose."""
+    """Return the path length from the first pose to each pose.
+
+    Parameters
+    ----------
+    poses : sequence of n Pose
+        World from sensor.
+
+    Returns
+    -------
+    (n,) [m]
+    """
     positions = np.array([pose.translation for pose in poses]).reshape(-1, 3)
     steps = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1]), axis=1)
     return np.cumsum(steps)

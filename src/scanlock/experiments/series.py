@@ -112,7 +112,9 @@ def simulated_series(scene: str, sensor: str, *, every: int, scans: int, seed: i
     require_count("every", every)
     require_count("scans", scans, minimum=2)
     place, drive = drive_through(scene, count=1 + (scans - 1) * every, seed=seed)
-    sequence = SimulatedSequence(place.world, SENSORS[sensor](), drive, seed)
+    sequence = SimulatedSequence(
+        world=place.world, sensor=SENSORS[sensor](), drive=drive, seed=seed
+    )
     taken = range(0, len(sequence), every)
     sensor_name = sensor.replace("_", "-")
 

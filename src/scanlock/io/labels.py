@@ -133,7 +133,7 @@ def _from_uint32(path: Path, data: bytes) -> Labels:
             f"byte {len(data) - len(data) % 4}",
             expected="whole uint32 values (4 bytes each)",
             found=f"{len(data) % 4} bytes left over",
-            remedy="the file is cut short or holds something else",
+            remedy="the file is cut short or has another format",
         )
     return np.frombuffer(data, dtype="<u4").astype(np.int64)
 

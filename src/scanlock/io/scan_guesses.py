@@ -46,7 +46,7 @@ _WINDOW = 2048
 """Consecutive points during which the motion of the sensor is negligible."""
 
 _DIRECTION_CELL = 2.0
-"""Size of the direction cells [deg] that hold one surface if seen from the sensor."""
+"""Size of the direction cells [deg] with one surface each, as seen from the sensor."""
 
 _MIN_POINTS = 500
 """Minimum number of points for a guess of the sensor."""

@@ -1,12 +1,14 @@
-"""Simulated worlds and sensors with exact poses and labels.
+"""Simulated worlds and sensors, with exact poses and labels.
 
-``scan_pair("street", "hdl_64e", seed=1)`` gives two scans and the exact pose between them;
-``SimulatedSequence(scene.world, hdl_64e(), street_drive(scene, rng), seed=1)`` a whole drive.
-A world of one's own is made of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
-`HeightField`, and seen by `simulate_scan`. ``ladar_run(seed=1)`` gives the range images of a
-ladar on a pan/tilt platform of an off-road vehicle, and
-`scanlock.simulation.scenes.look_alikes` has worlds that look alike from more than one place. The
-same seed gives the same bytes.
+- ``scan_pair("street", "hdl_64e", seed=1)`` returns two scans and the exact pose between them.
+- ``SimulatedSequence(world=..., sensor=..., drive=..., seed=1)`` has the scans of a whole drive.
+- `simulate_scan` scans any `World`, of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
+  `HeightField`.
+- ``ladar_run(seed=1)`` returns range images of a ladar on an off-road vehicle.
+- `scanlock.simulation.scenes.look_alikes` has worlds in which poses are ambiguous.
+
+The same seed gives the same bytes. What belongs here generates worlds and scans of them; errors
+against the exact poses are computed in `scanlock.evaluation`.
 """
 
 from scanlock.simulation.drive import CAR, ROBOT, Carrier, Drive, drive_along

@@ -1,4 +1,4 @@
-"""How a vehicle carries its sensor over uneven ground."""
+"""Poses of a sensor on a vehicle that drives over uneven ground."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,29 +12,29 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.simulation.motion import twist_between
 from scanlock.simulation.scenes.height_field import HeightField
-from scanlock.simulation.scenes.terrain import Waves
 from scanlock.simulation.scenes.track import Track
+from scanlock.simulation.waves import Waves
 
-_SWEEP = 0.1
-"""Twists are the mean velocity over this time [s], a sweep of the usual lidar."""
+_SWEEP_DURATION = 0.1
+"""Time over which twists are averaged [s]: a sweep of a common lidar."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Carrier:
-    """A wheeled vehicle with a sensor on top."""
+    """A four-wheeled vehicle with a sensor."""
 
     sensor_height: float
-    """Height of the sensor above the ground between the wheels [m]."""
+    """Height of the sensor above the centre of the wheel contacts [m]."""
     wheelbase: float
-    """Distance between front and rear wheels [m]."""
+    """Distance between the front and the rear wheels [m]."""
     gauge: float
-    """Distance between left and right wheels [m]."""
+    """Distance between the left and the right wheels [m]."""
     speed: float
     """Speed along the track [m/s]."""
     sway: float
-    """Standard deviation of roll and of pitch on the suspension [rad]."""
+    """Standard deviation of roll and pitch on the suspension [rad]."""
     wander: float
-    """Standard deviation of the distance from the middle of the track [m]."""
+    """Standard deviation of the lateral offset from the track [m]."""
 
     def __post_init__(self) -> None:
         require_positive("sensor_height", self.sensor_height, unit="m")
@@ -46,21 +46,24 @@ class Carrier:
 
 
 CAR = Carrier(sensor_height=1.73, wheelbase=2.7, gauge=1.6, speed=8.5, sway=0.004, wander=0.12)
+"""A passenger car with a sensor on its roof."""
+
 ROBOT = Carrier(sensor_height=1.0, wheelbase=0.6, gauge=0.5, speed=0.8, sway=0.012, wander=0.15)
+"""A slow outdoor robot."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """Where a sensor is, scan after scan.
+    """Poses, velocities and times of a sensor, one for each scan.
 
     Attributes
     ----------
     poses : tuple of Pose
-        world_from_sensor in the middle of each sweep.
+        ``world_from_sensor`` at the middle of each sweep.
     twists : (n, 6) [m/s, rad/s]
         Velocity of the sensor in its own frame, translation first.
     times : (n,) [s]
-        When the middle of each sweep is.
+        Time of the middle of each sweep.
     """
 
     poses: tuple[Pose, ...]
@@ -78,9 +81,11 @@ class Drive:
         return iter(self.poses)
 
 
-def sensor_on_ground(ground: HeightField, carrier: Carrier, place: Vector, heading: float) -> Pose:
-    """Return world_from_sensor of a vehicle whose four wheels stand at a (2,) place."""
-    return Pose(*_on_wheels(ground, carrier, np.atleast_2d(place), np.array([heading]))[0])
+def sensor_on_ground(
+    ground: HeightField, carrier: Carrier, position: Vector, heading: float
+) -> Pose:
+    """Return ``world_from_sensor`` of a vehicle at a (2,) position [m] and a heading [rad]."""
+    return Pose(*_sensor_poses(ground, carrier, np.atleast_2d(position), np.array([heading]))[0])
 
 
 def drive_along(
@@ -93,30 +98,49 @@ def drive_along(
     spacing: float,
     start: float = 0.0,
 ) -> Drive:
-    """Return `count` poses along a track, `spacing` [m] of arc length apart.
+    """Simulate a drive along a track at constant speed.
 
-    A closed track is driven round and round. Time is arc length over the carrier's speed, so
-    that traffic which keeps that speed keeps its distance.
+    Parameters
+    ----------
+    track, ground, carrier : Track, HeightField, Carrier
+        Path, terrain and vehicle. A closed track is driven repeatedly.
+    rng : Generator
+        Source of the lateral offsets and of the sway.
+    count : int
+        Number of poses.
+    spacing : float [m]
+        Arc length between poses.
+    start : float [m]
+        Arc length of the first pose.
+
+    Returns
+    -------
+    Drive
+        With times equal to arc length over speed, so that traffic of the same speed keeps its
+        distance.
 
     Raises
     ------
     InvalidInput
-        A count below one or a spacing that is not positive.
+        A count below one, or a spacing that is not positive.
     """
     require_count("count", count)
     require_positive("spacing", spacing, unit="m")
     wander = Waves.drawn(rng, carrier.wander, 20.0, 90.0)
     sway = [Waves.drawn(rng, carrier.sway, 6.0, 40.0) for _ in range(2)]
     along = start + spacing * np.arange(count, dtype=np.float64)
-    way = 0.5 * _SWEEP * carrier.speed
+    half = 0.5 * _SWEEP_DURATION * carrier.speed
     before, now, after = (
-        _swaying(track, ground, carrier, wander, sway, along + shift) for shift in (-way, 0.0, way)
+        _swaying_poses(track, ground, carrier, wander, sway, along + shift)
+        for shift in (-half, 0.0, half)
     )
-    twists = np.array([twist_between(a, b, _SWEEP) for a, b in zip(before, after, strict=True)])
+    twists = np.array(
+        [twist_between(a, b, _SWEEP_DURATION) for a, b in zip(before, after, strict=True)]
+    )
     return Drive(tuple(now), twists, along / carrier.speed)
 
 
-def _swaying(
+def _swaying_poses(
     track: Track,
     ground: HeightField,
     carrier: Carrier,
@@ -124,11 +148,11 @@ def _swaying(
     sway: list[Waves],
     along: Vector,
 ) -> list[Pose]:
-    def place(at: Vector) -> Matrix:
+    def position(at: Vector) -> Matrix:
         return track.at(at, wander.at(np.column_stack([at, np.zeros_like(at)])))
 
-    step = place(along + 0.5) - place(along - 0.5)
-    frames = _on_wheels(ground, carrier, place(along), np.arctan2(step[:, 1], step[:, 0]))
+    step = position(along + 0.5) - position(along - 0.5)
+    frames = _sensor_poses(ground, carrier, position(along), np.arctan2(step[:, 1], step[:, 0]))
     tilts = np.column_stack(
         [*(wave.at(np.column_stack([along, np.zeros_like(along)])) for wave in sway),
          np.zeros_like(along)]
@@ -139,14 +163,14 @@ def _swaying(
     ]
 
 
-def _on_wheels(
-    ground: HeightField, carrier: Carrier, places: Matrix, headings: Vector
+def _sensor_poses(
+    ground: HeightField, carrier: Carrier, positions: Matrix, headings: Vector
 ) -> list[tuple[NDArray[np.float64], Vector]]:
-    """Return rotation and sensor position of vehicles that stand on four wheels."""
+    """Return rotation and position of the sensor for (n, 2) positions of the vehicle."""
     ahead = 0.5 * carrier.wheelbase * np.column_stack([np.cos(headings), np.sin(headings)])
     left = 0.5 * carrier.gauge * np.column_stack([-np.sin(headings), np.cos(headings)])
     front_left, front_right, rear_left, rear_right = (
-        ground.lifted(places + a * ahead + b * left) for a in (1, -1) for b in (1, -1)
+        ground.lifted(positions + a * ahead + b * left) for a in (1, -1) for b in (1, -1)
     )
     x = _units(front_left + front_right - rear_left - rear_right)
     z = _units(np.cross(x, front_left + rear_left - front_right - rear_right))

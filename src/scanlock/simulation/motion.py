@@ -1,8 +1,7 @@
-"""Poses along a constant velocity, as a spinning sensor has them during one sweep.
+"""Screw motion: poses of a frame with constant velocity, as of a sensor during a sweep.
 
-A twist is the velocity ``(v, omega)`` [m/s, rad/s] in the moving frame itself, translation
-first. A frame that keeps its twist moves along a screw:
-``world_from_frame(t) = world_from_frame(0) @ exp(t * twist)``.
+A twist is the velocity ``(v, omega)`` [m/s, rad/s] in the moving frame, translation first. With a
+constant twist, ``world_from_frame(t) = world_from_frame(0) @ exp(t * twist)``.
 """
 
 import numpy as np
@@ -12,12 +11,12 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat, log_rotation
 
-_SMALL_TURN = 1e-9
-"""Below this rate [rad/s] a screw is a straight line to rounding, over minutes."""
+_MIN_RATE = 1e-9
+"""Rotation rate [rad/s] below which a screw is a straight line up to rounding, for minutes."""
 
 
 def screw(twist: Vector, times: Vector) -> tuple[NDArray[np.float64], Matrix]:
-    """Return rotations (n, 3, 3) and translations (n, 3) [m] of ``exp(t * twist)``.
+    """Compute the motions ``exp(t * twist)``.
 
     Parameters
     ----------
@@ -25,18 +24,23 @@ def screw(twist: Vector, times: Vector) -> tuple[NDArray[np.float64], Matrix]:
         Translation first.
     times : (n,) [s]
         Of either sign.
+
+    Returns
+    -------
+    rotations : (n, 3, 3)
+    translations : (n, 3) [m]
     """
-    velocity, turn = twist[:3], twist[3:]
+    velocity, omega = twist[:3], twist[3:]
     t = np.asarray(times, np.float64)[:, None]
-    rate = float(np.linalg.norm(turn))
-    if rate < _SMALL_TURN:
-        rotations = np.eye(3) + t[:, :, None] * hat(turn)
+    rate = float(np.linalg.norm(omega))
+    if rate < _MIN_RATE:
+        rotations = np.eye(3) + t[:, :, None] * hat(omega)
         return rotations, t * velocity
-    axis = hat(turn / rate)
+    axis = hat(omega / rate)
     square = axis @ axis
     angle = rate * t
     sine = np.sin(angle)
-    # 1 - cos(a) loses digits for small angles; the half-angle form does not.
+    # Half-angle form of 1 - cos(a), which loses no digits for small angles.
     versine = 2.0 * np.sin(0.5 * angle) ** 2
     rotations = np.eye(3) + sine[:, :, None] * axis + versine[:, :, None] * square
     translations = (
@@ -48,16 +52,41 @@ def screw(twist: Vector, times: Vector) -> tuple[NDArray[np.float64], Matrix]:
 
 
 def carried(pose: Pose, twist: Vector, time: float) -> Pose:
-    """Return where a frame with a constant twist is after `time` [s]."""
+    """Return the pose of a frame after a motion with a constant twist.
+
+    Parameters
+    ----------
+    pose : Pose
+        ``world_from_frame`` before the motion.
+    twist : (6,) [m/s, rad/s]
+        Translation first.
+    time : float [s]
+        Duration of the motion, of either sign.
+    """
     rotations, translations = screw(twist, np.array([time]))
     return pose @ Pose(rotations[0], translations[0])
 
 
 def twist_between(before: Pose, after: Pose, seconds: float) -> Vector:
-    """Return the (6,) twist that carries one pose into another in some seconds."""
+    """Return the constant twist of the motion between two poses.
+
+    Parameters
+    ----------
+    before, after : Pose
+        ``world_from_frame`` before and after the motion.
+    seconds : float [s]
+        Duration of the motion.
+
+    Returns
+    -------
+    (6,) [m/s, rad/s]
+        Translation first.
+    """
     step = before.inverse() @ after
-    turn = log_rotation(step.rotation) / seconds
+    omega = log_rotation(step.rotation) / seconds
     # The translation of a screw is linear in its velocity.
-    columns = [screw(np.concatenate([unit, turn]), np.array([seconds]))[1][0] for unit in np.eye(3)]
+    columns = [
+        screw(np.concatenate([unit, omega]), np.array([seconds]))[1][0] for unit in np.eye(3)
+    ]
     velocity = np.linalg.solve(np.column_stack(columns), step.translation)
-    return np.concatenate([velocity, turn]).astype(np.float64)
+    return np.concatenate([velocity, omega]).astype(np.float64)

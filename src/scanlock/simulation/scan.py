@@ -1,4 +1,4 @@
-"""One sweep of a sensor through a world, with everything that is true of it."""
+"""Simulated sweep of a spinning lidar, with exact poses and labels."""
 
 from dataclasses import dataclass
 
@@ -12,29 +12,28 @@ from scanlock.simulation.sensors import Sensor
 from scanlock.simulation.world import World
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class SimulatedScan:
-    """The returns of one sweep, in order of firing, and the truth about them.
+    """Returns of one sweep in order of firing, with ground truth.
 
     Attributes
     ----------
     points : (n, 3) [m]
-        As a sensor reports them: each in the sensor frame at its own moment of firing. A sweep
-        with no return has none.
+        Points as the sensor reports them: each in the frame of the sensor at its time of firing.
     labels, objects : (n,)
-        `SurfaceClass` and number of the object that each point lies on.
+        `SurfaceClass` and object number of each point.
     rings : (n,)
-        The beam that each came from.
+        Index of the beam of each point.
     times : (n,) [s]
-        When each was fired, after the start of the sweep.
+        Time of firing of each point, from the start of the sweep.
     pose : Pose
-        world_from_sensor in the middle of the sweep.
+        ``world_from_sensor`` at the middle of the sweep.
     twist : (6,) [m/s, rad/s]
-        Velocity of the sensor in its own frame, translation first.
+        Velocity of the sensor in its own frame, translation first; constant during the sweep.
     time : float [s]
-        When the middle of the sweep was.
+        Time of the middle of the sweep.
     period : float [s]
-        How long the sweep lasted.
+        Duration of the sweep.
     """
 
     points: Points
@@ -58,21 +57,21 @@ class SimulatedScan:
 
     @property
     def start_pose(self) -> Pose:
-        """world_from_sensor when the sweep began."""
+        """``world_from_sensor`` at the start of the sweep."""
         return carried(self.pose, self.twist, -0.5 * self.period)
 
     @property
     def end_pose(self) -> Pose:
-        """world_from_sensor when the sweep ended."""
+        """``world_from_sensor`` at the end of the sweep."""
         return carried(self.pose, self.twist, 0.5 * self.period)
 
     def deskewed(self) -> Points:
-        """Return the points in the sensor frame of `pose`, the motion during the sweep undone."""
+        """Return the points in the frame of `pose`, corrected for the motion during the sweep."""
         rotations, translations = screw(self.twist, self.times - 0.5 * self.period)
         return np.einsum("nij,nj->ni", rotations, self.points) + translations
 
     def in_world(self) -> Points:
-        """Return the points in the world."""
+        """Return the points in the frame of the world."""
         return self.pose.apply(self.deskewed())
 
 
@@ -85,21 +84,24 @@ def simulate_scan(
     time: float = 0.0,
     twist: Vector | None = None,
 ) -> SimulatedScan:
-    """Return what a sensor sees in one sweep.
+    """Simulate one sweep of a sensor.
 
     Parameters
     ----------
-    world, sensor : World, Sensor
-        What is seen, and by what.
+    world : World
+    sensor : Sensor
     pose : Pose
-        world_from_sensor in the middle of the sweep.
+        ``world_from_sensor`` at the middle of the sweep.
     rng : Generator
-        Draws range noise and lost returns; as many numbers whatever is seen.
+        Source of range noise and lost returns. The number of draws does not depend on the world.
     time : float [s]
-        When the middle of the sweep is, for the world's moving objects.
+        Time of the middle of the sweep, for moving objects.
     twist : (6,) [m/s, rad/s], optional
-        Velocity of the sensor in its own frame, translation first; it keeps it during the sweep.
-        At rest by default.
+        Constant velocity of the sensor in its own frame, translation first; zero by default.
+
+    Returns
+    -------
+    SimulatedScan
 
     Raises
     ------
@@ -112,21 +114,21 @@ def simulate_scan(
     firing = sensor.firing_times()
     rotations, translations = screw(twist, firing - 0.5 * sensor.period)
     beams = sensor.directions()
-    fired = beams.reshape(sensor.azimuth_steps, sensor.beams, 3)
-    directions = (fired @ (pose.rotation @ rotations).transpose(0, 2, 1)).reshape(-1, 3)
+    firings = beams.reshape(sensor.azimuth_steps, sensor.beams, 3)
+    directions = (firings @ (pose.rotation @ rotations).transpose(0, 2, 1)).reshape(-1, 3)
     origins = np.repeat(pose.apply(translations), sensor.beams, axis=0)
     times = np.repeat(firing, sensor.beams)
     hits = world.cast(origins, directions, time, times - 0.5 * sensor.period, sensor.max_range)
 
     noise = rng.standard_normal(len(beams)) * sensor.range_noise
     chance = sensor.detection(hits.distances, hits.cosines) * (1.0 - hits.losses)
-    seen = np.flatnonzero(rng.random(len(beams)) < chance)
+    detected = np.flatnonzero(rng.random(len(beams)) < chance)
     return SimulatedScan(
-        points=beams[seen] * (hits.distances[seen] + noise[seen])[:, None],
-        labels=hits.labels[seen],
-        objects=hits.objects[seen],
-        rings=seen % sensor.beams,
-        times=times[seen],
+        points=beams[detected] * (hits.distances[detected] + noise[detected])[:, None],
+        labels=hits.labels[detected],
+        objects=hits.objects[detected],
+        rings=detected % sensor.beams,
+        times=times[detected],
         pose=pose,
         twist=twist,
         time=time,

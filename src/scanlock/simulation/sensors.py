@@ -1,4 +1,4 @@
-"""Spinning lidars: where their beams point, how far they see and how noisy they are."""
+"""Spinning lidars: beam directions, detection range and noise."""
 
 import math
 from dataclasses import dataclass
@@ -16,48 +16,48 @@ from scanlock.errors import (
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
-_SHARPEST = 1e-9
-"""Cosines and widths below this count as this, which no return can tell from zero."""
+_MIN_COSINE = 1e-9
+"""Lower bound of cosines and of fading widths, to avoid a division by zero."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sensor:
-    """A spinning multi-beam lidar. It turns clockwise seen from above, starting backwards.
+    """A spinning multi-beam lidar that rotates clockwise, seen from above.
 
-    The sensor frame has x ahead, y to the left and z up; each sweep begins and ends behind the
-    sensor, so the middle of a sweep looks straight ahead.
+    The frame of the sensor has x ahead, y to the left and z up. A sweep begins and ends behind the
+    sensor, so its middle is straight ahead.
     """
 
     name: str
-    """What the sensor is called."""
+    """Name of the sensor."""
     elevations: tuple[float, ...]
-    """Angle of each beam above the x-y plane [rad]; the index is the point's ring."""
+    """Angle of each beam above the x-y plane [rad], by ring."""
     azimuth_offsets: tuple[float, ...]
-    """How far each beam points to the left of the firing direction [rad]."""
+    """Angle of each beam to the left of the firing direction [rad]."""
     azimuth_steps: int
-    """Firings in one turn; every beam is fired once in each."""
+    """Number of firings per revolution; each fires every beam once."""
     rate: float
-    """Turns a second [Hz]."""
+    """Revolutions per second [Hz]."""
     min_range: float
-    """Nearer returns are lost [m]."""
+    """Minimum range of a return [m]."""
     max_range: float
-    """Reach to a surface that faces the sensor [m]."""
+    """Maximum range of a return at perpendicular incidence [m]."""
     range_noise: float
-    """Standard deviation of a range [m]."""
+    """Standard deviation of the range [m]."""
     grazing: float = 0.25
-    """The reach shrinks with the cosine of incidence to this power.
+    """Exponent of the cosine of incidence in the detection range.
 
-    A quarter gives the data sheet's 50 m on pavement for 120 m and a car's height.
+    A quarter gives the 50 m on pavement of the data sheet, for 120 m and the height of a car.
     """
     fading: float = 0.15
-    """Returns thin out from this fraction short of the reach to as far beyond it."""
+    """Half width of the interval in which detection fades, as a share of the detection range."""
     dropout: float = 0.02
-    """Share of pulses lost whatever they meet."""
+    """Share of pulses lost independent of the surface."""
 
     def __post_init__(self) -> None:
         if len(self.elevations) == 0 or len(self.azimuth_offsets) != len(self.elevations):
             raise InvalidInput(
-                "elevations and azimuth_offsets must have one entry a beam, got "
+                "elevations and azimuth_offsets must have one entry per beam, got "
                 f"{len(self.elevations)} and {len(self.azimuth_offsets)}"
             )
         angles = (*self.elevations, *self.azimuth_offsets)
@@ -78,35 +78,46 @@ class Sensor:
 
     @property
     def beams(self) -> int:
-        """How many beams a firing has."""
+        """Number of beams."""
         return len(self.elevations)
 
     @property
     def period(self) -> float:
-        """How long a sweep lasts [s]."""
+        """Duration of a sweep [s]."""
         return 1.0 / self.rate
 
     def firing_times(self) -> Vector:
-        """Return when each firing happens after the start of a sweep, (azimuth_steps,) [s]."""
+        """Return the (azimuth_steps,) times of the firings, from the start of a sweep [s]."""
         return np.arange(self.azimuth_steps, dtype=np.float64) * (self.period / self.azimuth_steps)
 
     def directions(self) -> Points:
-        """Return the unit vectors (azimuth_steps * beams, 3) of a sweep in order of firing."""
-        turn = np.pi - 2.0 * np.pi * np.arange(self.azimuth_steps) / self.azimuth_steps
-        azimuth = turn[:, None] + np.array(self.azimuth_offsets)
+        """Return the (azimuth_steps * beams, 3) unit vectors of a sweep in order of firing."""
+        heading = np.pi - 2.0 * np.pi * np.arange(self.azimuth_steps) / self.azimuth_steps
+        azimuth = heading[:, None] + np.array(self.azimuth_offsets)
         elevation = np.broadcast_to(np.array(self.elevations), azimuth.shape)
-        level = np.cos(elevation)
+        horizontal = np.cos(elevation)
         return np.stack(
-            [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=2
+            [horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=2
         ).reshape(-1, 3)
 
     def detection(self, distances: Vector, cosines: Vector) -> Vector:
-        """Return the chance (n,) that a pulse comes back from so far at such an incidence."""
-        reach = self.max_range * np.maximum(cosines, _SHARPEST) ** self.grazing
-        short_of = 1.0 + self.fading - np.asarray(distances) / reach
-        chance = np.clip(short_of / max(2.0 * self.fading, _SHARPEST), 0.0, 1.0)
-        seen = (distances >= self.min_range) & (distances <= self.max_range)
-        return np.where(seen, chance * (1.0 - self.dropout), 0.0)
+        """Compute the probability of a return.
+
+        Parameters
+        ----------
+        distances : (n,) [m]
+        cosines : (n,)
+            Cosines of the angle of incidence.
+
+        Returns
+        -------
+        (n,)
+        """
+        detection_range = self.max_range * np.maximum(cosines, _MIN_COSINE) ** self.grazing
+        margin = 1.0 + self.fading - np.asarray(distances) / detection_range
+        probability = np.clip(margin / max(2.0 * self.fading, _MIN_COSINE), 0.0, 1.0)
+        in_range = (distances >= self.min_range) & (distances <= self.max_range)
+        return np.where(in_range, probability * (1.0 - self.dropout), 0.0)
 
 
 def hdl_64e() -> Sensor:
@@ -114,9 +125,9 @@ def hdl_64e() -> Sensor:
     upper = np.linspace(2.0, 2.0 - 31.0 / 3.0, 32)
     lower = np.linspace(-8.83, -24.8, 32)
     elevations = np.concatenate([upper, lower])
-    # The factory's angles scatter by a few hundredths of a degree about the nominal ones.
+    # Calibrated angles deviate from nominal ones by a few hundredths of a degree.
     elevations[1:-1] += 0.08 * (_scatter(62) - 0.5)
-    # Neighbouring beams sit in different columns of the optical block.
+    # Neighbouring beams are in different columns of the optical block.
     offsets = np.tile([-0.06, 0.02, -0.02, 0.06], 16)
     return Sensor(
         name="hdl_64e",
@@ -159,11 +170,11 @@ def os1_64() -> Sensor:
 
 
 SENSORS = {"hdl_64e": hdl_64e, "hdl_32e": hdl_32e, "os1_64": os1_64}
-"""Every sensor by name."""
+"""Functions that return the sensors, by name."""
 
 
 def _scatter(count: int) -> Vector:
-    """Return numbers in [0, 1) that look random and are always the same."""
+    """Return fixed, evenly distributed numbers in [0, 1)."""
     return (np.arange(1, count + 1, dtype=np.float64) * _GOLDEN) % 1.0
 
 

@@ -1,4 +1,4 @@
-"""Scans along a drive, each made when asked for; and pairs of scans with their exact pose."""
+"""Simulated sequences of scans along a drive, and pairs of scans with their exact pose."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -20,32 +20,41 @@ from scanlock.simulation.world import World
 _Maker = TypeVar("_Maker")
 
 SCENES = {"street": street, "forest": forest, "rugged": rugged}
-"""Every scene by name; each is drawn by a generator."""
+"""Functions that generate the scenes, by name."""
 
 _DRIVES = {"street": street_drive, "forest": forest_walk, "rugged": rugged_drive}
-"""What moves through each."""
+"""Functions that generate a drive through each scene."""
 
 
 def drive_through(scene: str, *, count: int, seed: int) -> tuple[Scene, Drive]:
-    """Return a scene and a drive of `count` sweeps through it, both drawn from the seed.
+    """Generate a scene and a drive of `count` sweeps through it.
+
+    Parameters
+    ----------
+    scene : str
+        A key of `SCENES`.
+    count : int
+        Number of sweeps.
+    seed : int
+        Seed of the scene and the drive.
 
     Raises
     ------
     InvalidInput
-        An unknown scene.
+        An unknown scene, a count below one, or a negative seed.
     """
     require_count("seed", seed, minimum=0)
     make = _named("scene", scene, SCENES)
-    building, driving = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    place = make(building)
-    return place, _DRIVES[scene](place, driving, count=count)
+    scene_rng, drive_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
+    generated = make(scene_rng)
+    return generated, _DRIVES[scene](generated, drive_rng, count=count)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class SimulatedSequence:
-    """The scans of a sensor along a drive.
+    """Scans of a sensor along a drive, simulated on access.
 
-    Scan k depends on the seed and on k alone, not on which scans were made before.
+    Scan k depends only on the seed and on k, not on which scans were simulated before.
 
     Attributes
     ----------
@@ -53,6 +62,7 @@ class SimulatedSequence:
     sensor : Sensor
     drive : Drive
     seed : int
+        Seed of range noise and lost returns.
     """
 
     world: World
@@ -67,7 +77,7 @@ class SimulatedSequence:
         return len(self.drive)
 
     def __getitem__(self, index: int) -> SimulatedScan:
-        """Return scan `index`; negative ones count from the end."""
+        """Simulate scan `index`; negative indices count from the end."""
         if not -len(self) <= index < len(self):
             raise IndexError(f"scan {index} of a sequence of {len(self)}")
         k = index % len(self)
@@ -85,7 +95,7 @@ class SimulatedSequence:
         return self.scans(range(len(self)))
 
     def scans(self, indices: Iterable[int]) -> Iterator[SimulatedScan]:
-        """Yield some scans, such as every tenth: ``scans(range(0, len(sequence), 10))``."""
+        """Yield the scans of some indices, such as ``range(0, len(sequence), 10)``."""
         return (self[index] for index in indices)
 
 
@@ -97,7 +107,6 @@ class SimulatedPair:
     ----------
     target, source : SimulatedScan
     target_from_source : Pose
-        Carries points of the source onto the target.
     """
 
     target: SimulatedScan
@@ -113,29 +122,29 @@ def scan_pair(
     baseline: tuple[float, float] = (3.0, 5.0),
     turn: float = np.radians(15.0),
 ) -> SimulatedPair:
-    """Return two scans from a random place of a scene, some metres apart and a bit turned.
+    """Simulate two scans a few metres apart, at a random position of a scene.
 
     Parameters
     ----------
     scene : str or Scene
-        "street", "forest" or "rugged", drawn anew from the seed; or a scene made before.
+        "street", "forest" or "rugged", generated from the seed; or a given scene.
     sensor : str or Sensor
-        "hdl_64e", "hdl_32e" or "os1_64", or a sensor of your own.
+        "hdl_64e", "hdl_32e" or "os1_64", or a custom sensor.
     seed : int
-        Decides everything: the scene (if named), the places and the noise.
+        Seed of the scene (if it is given by name), the positions and the noise.
     baseline : (2,) [m]
-        Least and greatest distance along the track between the two.
+        Minimum and maximum distance along the track between the scans.
     turn : float [rad]
-        The source looks up to this far to the left or right of where the target looks.
+        Maximum difference of their headings.
 
     Raises
     ------
     InvalidInput
-        An unknown name, or a baseline whose ends are negative or in the wrong order.
+        An unknown name, a negative seed, or a baseline that is negative or descending.
     """
     require_count("seed", seed, minimum=0)
     if not 0.0 <= baseline[0] <= baseline[1]:
-        raise InvalidInput(f"baseline must be 0 <= least <= greatest, got {baseline} m")
+        raise InvalidInput(f"baseline must be 0 <= minimum <= maximum, got {baseline} m")
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     if isinstance(sensor, str):
         sensor = _named("sensor", sensor, SENSORS)()
@@ -146,13 +155,13 @@ def scan_pair(
     beyond = along + rng.uniform(*baseline)
     yaw = rng.uniform(-turn, turn) + (scene.track.heading(along) - scene.track.heading(beyond))[0]
     poses = (
-        scene.standing_at(along, rng.uniform(-0.3, 0.3)),
-        scene.standing_at(beyond, rng.uniform(-0.3, 0.3), float(yaw)),
+        scene.sensor_pose(along, rng.uniform(-0.3, 0.3)),
+        scene.sensor_pose(beyond, rng.uniform(-0.3, 0.3), float(yaw)),
     )
-    # Traffic keeps time with the track, so neither place is inside of a moving car.
+    # Traffic moves with the speed of the carrier, so that no position is inside a moving car.
     target, source = (
-        simulate_scan(scene.world, sensor, pose, stream, time=at / scene.carrier.speed)
-        for pose, stream, at in zip(poses, streams[2:], (along, beyond), strict=True)
+        simulate_scan(scene.world, sensor, pose, stream, time=length / scene.carrier.speed)
+        for pose, stream, length in zip(poses, streams[2:], (along, beyond), strict=True)
     )
     return SimulatedPair(target, source, poses[0].inverse() @ poses[1])
 

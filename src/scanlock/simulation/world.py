@@ -1,4 +1,4 @@
-"""A world of surfaces, ground and moving objects, and what rays meet in it."""
+"""Simulated world of surfaces, terrain and moving objects, with ray casting."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,23 +16,23 @@ from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scenes.height_field import HeightField
 
 GROUND_OBJECT = 0
-"""The object number of the height field."""
+"""Object number of the terrain."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RayHits:
-    """What each of n rays met first.
+    """First intersection of each of n rays with a world.
 
     Attributes
     ----------
     distances : (n,) [m]
-        Infinite where a ray met nothing.
+        Infinite for rays without an intersection.
     cosines : (n,)
-        Between ray and surface normal, in [0, 1]; 0 where a ray met nothing.
+        Absolute cosine between the ray and the surface normal; 0 without an intersection.
     labels, objects : (n,)
-        `SurfaceClass` and object number; -1 where a ray met nothing.
+        `SurfaceClass` and object number; -1 without an intersection.
     losses : (n,)
-        The share of pulses that the surface swallows.
+        Share of pulses that the surface does not return.
     """
 
     distances: Vector
@@ -45,37 +45,43 @@ class RayHits:
         for array in (self.distances, self.cosines, self.labels, self.objects, self.losses):
             frozen(array)
 
-    def limits(self, reach: float) -> Vector:
-        """Return how far (n,) a ray must look to find something nearer [m]."""
-        return read_only(np.minimum(self.distances, reach))
+    def max_distances(self, max_range: float) -> Vector:
+        """Return the (n,) distances [m] below which another surface would be hit first."""
+        return read_only(np.minimum(self.distances, max_range))
 
-    def overlaid(self, cast: tuple[Vector, Vector, Labels], surfaces: Surfaces) -> "RayHits":
-        """Return these hits with the nearer ones of a cast in their place.
+    def with_nearer(self, cast: tuple[Vector, Vector, Labels], surfaces: Surfaces) -> "RayHits":
+        """Return a copy in which the hits of a cast replace those of the same rays.
 
-        `cast` is distances, cosines and rows of `surfaces`, as the kernels return them.
+        Parameters
+        ----------
+        cast : tuple of (n,) arrays
+            Distances, cosines and rows of `surfaces`, as returned by the kernels.
+        surfaces : Surfaces
         """
-        met = cast[2] != NOTHING
-        rows = cast[2][met]
+        is_hit = cast[2] != NOTHING
+        rows = cast[2][is_hit]
         distances, cosines, losses = self.distances.copy(), self.cosines.copy(), self.losses.copy()
         labels, objects = self.labels.copy(), self.objects.copy()
-        distances[met], cosines[met] = cast[0][met], cast[1][met]
-        labels[met], objects[met] = surfaces.labels[rows], surfaces.objects[rows]
-        losses[met] = surfaces.losses[rows]
-        return RayHits(distances, cosines, labels, objects, losses)
+        distances[is_hit], cosines[is_hit] = cast[0][is_hit], cast[1][is_hit]
+        labels[is_hit], objects[is_hit] = surfaces.labels[rows], surfaces.objects[rows]
+        losses[is_hit] = surfaces.losses[rows]
+        return RayHits(
+            distances=distances, cosines=cosines, labels=labels, objects=objects, losses=losses
+        )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class World:
-    """Everything that a sensor can see. Build one with `World.of`.
+    """Surfaces, terrain and moving objects; build one with `World.of`.
 
     Attributes
     ----------
     surfaces : Surfaces
-        What stands still, in the order of the tree over it.
+        Static surfaces, in the order of the tree over them.
     ground : HeightField or None
-        The terrain; its points are `SurfaceClass.GROUND` of object 0.
+        Terrain; its points are `SurfaceClass.GROUND` of object 0.
     movers : tuple of Mover
-        What moves.
+        Moving objects.
     """
 
     surfaces: Surfaces
@@ -92,41 +98,52 @@ class World:
         ground: HeightField | None = None,
         movers: Iterable[Mover] = (),
     ) -> "World":
-        """Return the world of some standing surfaces, a ground and moving objects."""
+        """Build a world.
+
+        Parameters
+        ----------
+        surfaces : Surfaces or iterable of Surfaces
+            Static surfaces.
+        ground : HeightField, optional
+            Terrain.
+        movers : iterable of Mover
+            Moving objects.
+        """
         if not isinstance(surfaces, Surfaces):
             surfaces = Surfaces.joined(surfaces)
         order, bounds, link, count = box_tree(read_only(surfaces.bounds()))
         return cls(
-            surfaces.taken(order),
-            ground,
-            tuple(movers),
-            read_only(bounds),
-            read_only(link),
-            read_only(count),
+            surfaces=surfaces.taken(order),
+            ground=ground,
+            movers=tuple(movers),
+            _node_bounds=read_only(bounds),
+            _node_link=read_only(link),
+            _node_count=read_only(count),
         )
 
     def cast(
-        self, origins: Points, directions: Points, time: float, delays: Vector, reach: float
+        self, origins: Points, directions: Points, time: float, delays: Vector, max_range: float
     ) -> RayHits:
-        """Return what (n, 3) rays meet first within `reach` [m].
+        """Cast rays and find the first intersection of each.
 
         Parameters
         ----------
         origins, directions : (n, 3) [m]
             Directions are unit vectors.
         time : float [s]
-            When the moving objects are looked up; each keeps its velocity over all delays.
+            Time at which positions and velocities of moving objects are taken; velocities are
+            constant over the delays.
         delays : (n,) [s]
-            When each ray is fired, after `time`; negative before it.
-        reach : float [m]
-            How far rays look.
+            Time of each ray relative to `time`.
+        max_range : float [m]
+            Length of the rays.
 
         Raises
         ------
         InvalidInput
-            Shapes that do not go together, or a reach that is not positive.
+            Arrays of inconsistent shapes, or a range that is not positive.
         """
-        require_positive("reach", reach, unit="m")
+        require_positive("max_range", max_range, unit="m")
         n = len(origins)
         if origins.shape != (n, 3) or directions.shape != (n, 3) or delays.shape != (n,):
             raise InvalidInput(
@@ -136,12 +153,12 @@ class World:
         origins, directions, delays = (
             read_only(np.asarray(array, np.float64)) for array in (origins, directions, delays)
         )
-        hits = self._at_ground(origins, directions, reach)
-        hits = hits.overlaid(
+        hits = self._ground_hits(origins, directions, max_range)
+        hits = hits.with_nearer(
             cast_rays(
                 origins,
                 directions,
-                hits.limits(reach),
+                hits.max_distances(max_range),
                 self.surfaces.kinds,
                 self.surfaces.rows,
                 self._node_bounds,
@@ -150,41 +167,44 @@ class World:
             ),
             self.surfaces,
         )
-        near = self._movers_near(origins, time, delays, reach)
+        near = self._movers_near(origins, time, delays, max_range)
         if near is None:
             return hits
         moving, first, frames = near
-        limits = hits.limits(reach)
-        return hits.overlaid(
+        limits = hits.max_distances(max_range)
+        return hits.with_nearer(
             cast_at_movers(
                 origins, directions, delays, limits, moving.kinds, moving.rows, first, frames
             ),
             moving,
         )
 
-    def _at_ground(self, origins: Points, directions: Points, reach: float) -> RayHits:
+    def _ground_hits(self, origins: Points, directions: Points, max_range: float) -> RayHits:
         n = len(origins)
         distances, cosines = np.full(n, np.inf), np.zeros(n)
         if self.ground is not None:
             distances, cosines = cast_at_ground(
                 origins,
                 directions,
-                read_only(np.full(n, reach)),
+                read_only(np.full(n, max_range)),
                 self.ground.heights,
                 self.ground.tops,
                 self.ground.corner,
                 self.ground.cell,
             )
-        met = np.isfinite(distances)
-        labels = np.where(met, int(SurfaceClass.GROUND), NOTHING)
+        is_hit = np.isfinite(distances)
         return RayHits(
-            distances, cosines, labels, np.where(met, GROUND_OBJECT, NOTHING), np.zeros(n)
+            distances=distances,
+            cosines=cosines,
+            labels=np.where(is_hit, int(SurfaceClass.GROUND), NOTHING),
+            objects=np.where(is_hit, GROUND_OBJECT, NOTHING),
+            losses=np.zeros(n),
         )
 
     def _movers_near(
-        self, origins: Points, time: float, delays: Vector, reach: float
+        self, origins: Points, time: float, delays: Vector, max_range: float
     ) -> tuple[Surfaces, Labels, Matrix] | None:
-        """Return surfaces, first rows and frames of the movers that rays may meet, if any."""
+        """Return surfaces, first rows and frames of the movers within range; None if none is."""
         if len(origins) == 0:
             return None
         low, high = origins.min(axis=0), origins.max(axis=0)
@@ -192,9 +212,9 @@ class World:
         frames: list[Vector] = []
         for mover in self.movers:
             pose, velocity = mover.at(time)
-            way = mover.speed * float(np.abs(delays).max())
-            gap = np.maximum(np.maximum(low - pose.translation, pose.translation - high), 0.0)
-            if float(np.linalg.norm(gap)) <= reach + mover.radius + way:
+            shift = mover.speed * float(np.abs(delays).max())
+            offset = np.maximum(np.maximum(low - pose.translation, pose.translation - high), 0.0)
+            if float(np.linalg.norm(offset)) <= max_range + mover.radius + shift:
                 near.append(mover.surfaces)
                 rotation = pose.rotation.T.ravel()
                 frames.append(

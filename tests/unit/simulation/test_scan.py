@@ -23,7 +23,7 @@ _POSE = Pose(exp_rotation(np.array([0.02, -0.03, 0.7])), np.array([1.0, -2.0, 1.
 
 
 def _sensor(**changes):
-    """A small sensor that sees everything exactly, unless told otherwise."""
+    """A small sensor without noise and lost returns by default."""
     settings = {
         "name": "small",
         "elevations": tuple(np.radians(np.linspace(15, -35, 12))),
@@ -63,20 +63,20 @@ def _scan(world, sensor=None, *, pose=_POSE, seed=0, **options):
 
 
 def _distance_to_surface(world, point, number):
-    """How far a point is from the surface of an object."""
+    """Distance of a point from the surface of an object."""
     if number == 0:
         return abs(point[2] - world.ground.at(point[None])[0])
     rows = np.flatnonzero(world.surfaces.objects == number)
-    gaps = []
+    distances = []
     for k in rows:
         row = world.surfaces.rows[k]
         local = reference.to_local(row, point)
-        gaps.append(abs(reference.gauge(_KINDS[world.surfaces.kinds[k]], row[12:], local)))
-    return min(gaps)
+        distances.append(abs(reference.gauge(_KINDS[world.surfaces.kinds[k]], row[12:], local)))
+    return min(distances)
 
 
 @pytest.mark.parametrize("twist", [None, _TWIST], ids=["at rest", "moving"])
-def test_points_without_noise_lie_on_the_surfaces_they_are_labelled_with(twist):
+def test_points_without_noise_are_on_their_labelled_surfaces(twist):
     world = _world()
     scan = _scan(world, twist=twist)
     classes = {0: SurfaceClass.GROUND, 1: SurfaceClass.BUILDING, 2: SurfaceClass.TRUNK,
@@ -87,7 +87,7 @@ def test_points_without_noise_lie_on_the_surfaces_they_are_labelled_with(twist):
         assert _distance_to_surface(world, point, number) < 1e-9
 
 
-def test_the_exact_pose_lays_one_scan_on_the_surfaces_that_the_other_saw():
+def test_the_exact_pose_aligns_two_scans():
     world = _world()
     other = Pose(exp_rotation(np.array([0.0, 0.05, -0.4])), np.array([3.0, 1.0, 2.0]))
     target, source = _scan(world), _scan(world, pose=other)
@@ -97,7 +97,7 @@ def test_the_exact_pose_lays_one_scan_on_the_surfaces_that_the_other_saw():
         assert _distance_to_surface(world, point, number) < 1e-9
 
 
-def test_no_motion_is_the_same_as_none_given_and_as_a_single_pose():
+def test_a_zero_twist_equals_a_sensor_at_rest():
     world = _world()
     still, zero = _scan(world), _scan(world, twist=np.zeros(6))
     assert still.points.tobytes() == zero.points.tobytes()
@@ -106,21 +106,21 @@ def test_no_motion_is_the_same_as_none_given_and_as_a_single_pose():
     np.testing.assert_allclose(still.in_world(), _POSE.apply(still.points), atol=1e-12)
 
 
-def test_in_motion_every_firing_has_its_own_pose_along_the_twist():
+def test_every_firing_of_a_moving_sensor_has_its_own_pose():
     world, sensor = _world(), _sensor()
     scan = _scan(world, sensor, twist=_TWIST)
     half = 0.5 * sensor.period
     assert scan.start_pose.distance(scan.pose)[0] > 0.3
-    # The pose of the middle carries the ends by steps of equal size, there and back.
+    # The pose at the middle is half way between those at the start and the end.
     back = scan.pose.inverse() @ scan.start_pose
     ahead = scan.pose.inverse() @ scan.end_pose
     assert (back @ ahead).is_close(Pose.identity(), translation=1e-12, rotation=1e-12)
-    # A ray fired at some moment from the pose of that moment meets the point.
+    # A ray from the pose at the time of firing hits the point.
     for k in np.linspace(0, len(scan) - 1, 20).astype(int):
         late = scan.times[k] - half
         steps = 1000
         pose = scan.pose
-        for _ in range(steps):  # the definition of a twist, in many small steps
+        for _ in range(steps):  # definition of a twist, integrated in small steps
             small = Pose.from_step(_TWIST * (late / steps))
             pose = pose @ small
         direction = scan.points[k] / np.linalg.norm(scan.points[k])
@@ -130,17 +130,17 @@ def test_in_motion_every_firing_has_its_own_pose_along_the_twist():
         assert hit.distances[0] == pytest.approx(np.linalg.norm(scan.points[k]), abs=1e-3)
 
 
-def test_a_moving_object_is_seen_where_it_is_at_each_firing():
+def test_a_moving_object_is_hit_at_its_position_at_each_firing():
     block = boxes([0.0, 0, 0], [1.0, 1, 1], SurfaceClass.CAR).as_object(5)
     path = np.array([[8.0, -50, 0], [8, 50, 0]])
-    world = World.of((), None, [Mover(block, path, start=40.0, speed=10.0)])
+    world = World.of((), None, [Mover(surfaces=block, path=path, start=40.0, speed=10.0)])
     pose = Pose(np.eye(3), np.zeros(3))
-    # At time 1.05 the middle of it passes y = 0.5, just ahead of the middle of a sweep at 1.05.
+    # At time 1.05, the middle of the sweep, the centre of the object is at y = 0.5.
     scan = _scan(world, _sensor(azimuth_steps=7200), pose=pose, time=1.05)
     assert set(scan.labels) == {SurfaceClass.CAR}
     assert set(scan.objects) == {5}
     np.testing.assert_allclose(scan.points[:, 0], 7.0, atol=1e-9)
-    # Clockwise, its left end is met first, and its right end later, when it has moved on.
+    # The clockwise sweep hits its left end first, and its right end after further motion.
     first, last = scan.times.min() - 0.05, scan.times.max() - 0.05
     assert scan.points[:, 1].max() == pytest.approx(1.5 + 10.0 * first, abs=0.01)
     assert scan.points[:, 1].min() == pytest.approx(-0.5 + 10.0 * last, abs=0.01)
@@ -155,19 +155,19 @@ def test_an_empty_world_gives_an_empty_scan():
     assert scan.labels.shape == scan.objects.shape == scan.rings.shape == scan.times.shape == (0,)
 
 
-def test_rings_times_and_order_are_those_of_the_firings():
+def test_rings_and_times_match_the_directions_of_the_points():
     sensor = _sensor()
     scan = _scan(_world(), sensor)
     elevation = np.arcsin(scan.points[:, 2] / np.linalg.norm(scan.points, axis=1))
     np.testing.assert_allclose(elevation, np.array(sensor.elevations)[scan.rings], atol=1e-9)
     azimuth = np.arctan2(scan.points[:, 1], scan.points[:, 0])
-    turns = (np.pi - azimuth) % (2 * np.pi) / (2 * np.pi)
-    gaps = (turns - scan.times / sensor.period + 0.5) % 1.0 - 0.5
-    np.testing.assert_allclose(gaps, 0.0, atol=1e-9)
+    phase = (np.pi - azimuth) % (2 * np.pi) / (2 * np.pi)
+    differences = (phase - scan.times / sensor.period + 0.5) % 1.0 - 0.5
+    np.testing.assert_allclose(differences, 0.0, atol=1e-9)
     assert (np.diff(scan.times) >= 0).all()
 
 
-def test_range_noise_is_along_the_beam_and_of_the_size_asked_for():
+def test_range_noise_is_along_the_beam_with_the_given_deviation():
     world = _world()
     exact, noisy = _scan(world), _scan(world, _sensor(range_noise=0.05), seed=4)
     a, b = np.linalg.norm(exact.points, axis=1), np.linalg.norm(noisy.points, axis=1)
@@ -176,7 +176,7 @@ def test_range_noise_is_along_the_beam_and_of_the_size_asked_for():
     assert abs((b - a).mean()) < 0.01
 
 
-def test_lost_returns_are_as_many_as_asked_for_and_glass_swallows_its_share():
+def test_dropout_and_surface_losses_have_the_given_shares():
     whole = len(_scan(_world()))
     assert len(_scan(_world(), _sensor(dropout=0.3))) == pytest.approx(0.7 * whole, rel=0.1)
     clear = boxes([12.0, 0, 2], [1, 6, 4], SurfaceClass.BUILDING)
@@ -187,13 +187,13 @@ def test_lost_returns_are_as_many_as_asked_for_and_glass_swallows_its_share():
                      pose=Pose.identity())) == 0  # fmt: skip
 
 
-def test_noise_does_not_depend_on_what_else_is_seen():
+def test_noise_does_not_depend_on_the_other_objects():
     noisy = _sensor(range_noise=0.05, dropout=0.2)
     both = _scan(_world(), noisy)
     alone = _scan(_world(surfaces=_things()[:1], ground=None), noisy)
-    seen = {tuple(point) for point in both.points[both.objects == 1]}
-    assert {tuple(point) for point in alone.points} >= seen
-    assert len(seen) > 50
+    common = {tuple(point) for point in both.points[both.objects == 1]}
+    assert {tuple(point) for point in alone.points} >= common
+    assert len(common) > 50
 
 
 def _digest(scan):
@@ -203,47 +203,48 @@ def _digest(scan):
     return digest.hexdigest()
 
 
-def test_a_seed_fixes_every_byte():
+def test_the_same_seed_gives_the_same_bytes():
     noisy = _sensor(range_noise=0.05, dropout=0.2)
     assert _digest(_scan(_world(), noisy)) == _digest(_scan(_world(), noisy))
     assert _digest(_scan(_world(), noisy)) != _digest(_scan(_world(), noisy, seed=1))
 
 
-def test_a_scan_is_read_only():
+def test_arrays_of_a_scan_are_read_only():
     scan = _scan(_world())
     for field in dataclasses.fields(scan):
         value = getattr(scan, field.name)
         assert not isinstance(value, np.ndarray) or not value.flags.writeable
 
 
-def test_the_nearest_of_ground_standing_and_moving_things_is_seen():
+def test_the_nearest_of_terrain_static_and_moving_objects_is_hit():
     far = boxes([20.0, 0, 0], [1, 3, 3], SurfaceClass.BUILDING).as_object(1)
     near = boxes([0.0, 0, 0], [1, 3, 3], SurfaceClass.CAR).as_object(2)
     path = np.array([[10.0, 0, 0], [11.0, 0, 0]])
     origin, ahead = np.zeros((1, 3)), np.array([[1.0, 0, 0]])
     slope = HeightField.sampled(lambda xy: xy[:, 0] - 5.0, (-9, -9), (9, 9), 1.0)
+    parked = Mover(surfaces=near, path=path, start=0.0, speed=0.0)
     for ground, movers, expected in [
         (None, (), (19.0, SurfaceClass.BUILDING, 1)),
-        (None, (Mover(near, path, 0.0, 0.0),), (9.0, SurfaceClass.CAR, 2)),
-        (slope, (Mover(near, path, 0.0, 0.0),), (5.0, SurfaceClass.GROUND, 0)),
+        (None, (parked,), (9.0, SurfaceClass.CAR, 2)),
+        (slope, (parked,), (5.0, SurfaceClass.GROUND, 0)),
     ]:
         hit = World.of(far, ground, movers).cast(origin, ahead, 0.0, np.zeros(1), 50.0)
         assert (hit.distances[0], hit.labels[0], hit.objects[0]) == pytest.approx(expected)
 
 
-def test_the_world_takes_parts_or_surfaces_alike():
+def test_a_world_is_built_from_surfaces_or_lists_of_them():
     joined = World.of(Surfaces.joined(_things()))
     assert np.array_equal(joined.surfaces.rows, World.of(_things()).surfaces.rows)
 
 
 @pytest.mark.parametrize("twist", [np.zeros(3), np.full(6, np.nan)])
-def test_a_twist_that_is_none_is_refused(twist):
+def test_invalid_twists_are_refused(twist):
     with pytest.raises(InvalidInput, match="twist must be six finite numbers"):
         _scan(_world(), twist=twist)
 
 
-def test_rays_of_unlike_shapes_are_refused():
+def test_rays_of_inconsistent_shapes_are_refused():
     with pytest.raises(InvalidInput, match="must have shape"):
         World.of().cast(np.zeros((2, 3)), np.zeros((2, 3)), 0.0, np.zeros(1), 10.0)
-    with pytest.raises(InvalidInput, match="reach must be positive"):
+    with pytest.raises(InvalidInput, match="max_range must be positive"):
         World.of().cast(np.zeros((1, 3)), np.zeros((1, 3)), 0.0, np.zeros(1), 0.0)

@@ -14,7 +14,7 @@ def test_the_hdl_64e_has_two_blocks_of_beams():
     assert upper.mean() == pytest.approx(1 / 3, abs=0.01)
     assert lower.mean() == pytest.approx(0.515, abs=0.01)
     assert upper.min() > 0.2
-    # Uneven, as calibrated, yet always the same.
+    # Uneven like calibrated angles, but reproducible.
     assert np.ptp(upper) > 0.05
     assert hdl_64e() == hdl_64e()
 
@@ -29,7 +29,7 @@ def test_evenly_spaced_sensors_span_their_field_of_view(sensor, beams, top, bott
 
 
 @pytest.mark.parametrize("name", sorted(SENSORS))
-def test_a_sweep_is_one_clockwise_turn_that_begins_behind(name):
+def test_a_sweep_is_one_clockwise_revolution_that_begins_behind(name):
     sensor = SENSORS[name]()
     assert sensor.name == name
     beams = sensor.directions().reshape(sensor.azimuth_steps, sensor.beams, 3)
@@ -47,7 +47,7 @@ def test_a_sweep_is_one_clockwise_turn_that_begins_behind(name):
     np.testing.assert_allclose(np.cos(azimuth[sensor.azimuth_steps // 2]), 1.0, atol=1e-5)
 
 
-def test_returns_are_lost_far_away_at_grazing_incidence_and_too_near():
+def test_detection_falls_with_range_and_grazing_incidence():
     sensor = dataclasses.replace(hdl_64e(), dropout=0.0)
     ranges = np.linspace(1.0, 130.0, 400)
     facing = sensor.detection(ranges, np.ones(400))
@@ -56,7 +56,7 @@ def test_returns_are_lost_far_away_at_grazing_incidence_and_too_near():
     assert (grazing <= facing).all()
     assert facing[ranges < 100].min() == 1.0
     assert facing[ranges > 120.0].max() == 0.0
-    # Pavement under a car is seen to about 50 m.
+    # Pavement is detected up to about 50 m from the height of a car.
     pavement = sensor.detection(ranges, np.minimum(1.73 / ranges, 1.0))
     half = ranges[np.argmax((pavement < 0.5) & (ranges > 2))]
     assert 45.0 < half < 57.0
@@ -65,7 +65,7 @@ def test_returns_are_lost_far_away_at_grazing_incidence_and_too_near():
     assert nothing[0] == 0.0
 
 
-def test_without_fading_the_reach_is_sharp():
+def test_detection_without_fading_is_a_step():
     sensor = dataclasses.replace(os1_64(), fading=0.0, dropout=0.25, grazing=1.0)
     chances = sensor.detection(np.array([59.0, 61.0]), np.array([0.5, 0.5]))
     assert chances.tolist() == [0.75, 0.0]
@@ -74,8 +74,8 @@ def test_without_fading_the_reach_is_sharp():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"elevations": ()}, "one entry a beam, got 0 and 64"),
-        ({"azimuth_offsets": (0.0,)}, "one entry a beam, got 64 and 1"),
+        ({"elevations": ()}, "one entry per beam, got 0 and 64"),
+        ({"azimuth_offsets": (0.0,)}, "one entry per beam, got 64 and 1"),
         ({"elevations": (np.nan,) * 64}, "must be finite"),
         ({"azimuth_steps": 0}, "azimuth_steps must be a whole number"),
         ({"rate": 0.0}, "rate must be positive, got 0.0 Hz"),
@@ -87,6 +87,6 @@ def test_without_fading_the_reach_is_sharp():
         ({"dropout": -0.1}, "dropout must lie between 0 and 1"),
     ],
 )
-def test_settings_out_of_range_are_refused_by_name(change, message):
+def test_sensor_settings_out_of_range_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
         dataclasses.replace(hdl_64e(), **change)

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ _SEED = 3
 @pytest.fixture(scope="module")
 def sequence(forest_scene):
     drive = forest_walk(forest_scene, np.random.default_rng(8), count=12, spacing=2.0)
-    return SimulatedSequence(forest_scene.world, hdl_32e(), drive, seed=5)
+    return SimulatedSequence(world=forest_scene.world, sensor=hdl_32e(), drive=drive, seed=5)
 
 
 def _bytes(scan):
@@ -21,16 +22,16 @@ def _bytes(scan):
     )
 
 
-def test_a_scan_does_not_depend_on_which_others_were_made(sequence):
+def test_a_scan_does_not_depend_on_the_order_of_access(sequence):
     fifth = _bytes(sequence[5])
-    skipping = list(sequence.scans(range(1, 12, 4)))
-    assert _bytes(skipping[1]) == fifth
+    some = list(sequence.scans(range(1, 12, 4)))
+    assert _bytes(some[1]) == fifth
     assert _bytes(sequence[-7]) == fifth
     *_, last = itertools.islice(iter(sequence), 6)
     assert _bytes(last) == fifth
 
 
-def test_scans_carry_the_pose_and_motion_of_the_drive(sequence):
+def test_scans_have_the_pose_and_twist_of_the_drive(sequence):
     scan = sequence[7]
     assert scan.pose == sequence.drive.poses[7]
     assert np.array_equal(scan.twist, sequence.drive.twists[7])
@@ -38,50 +39,50 @@ def test_scans_carry_the_pose_and_motion_of_the_drive(sequence):
     assert len(sequence) == 12
 
 
-def test_another_seed_gives_other_noise_on_the_same_things(sequence):
-    other = SimulatedSequence(sequence.world, sequence.sensor, sequence.drive, seed=6)
+def test_another_seed_gives_other_noise_on_the_same_objects(sequence):
+    other = replace(sequence, seed=6)
     assert _bytes(other[0]) != _bytes(sequence[0])
     assert set(other[0].objects) & set(sequence[0].objects)
 
 
-def test_scans_are_made_only_when_asked_for(sequence):
+def test_scans_are_simulated_on_access(sequence):
     scans = sequence.scans(iter([3, 999]))
     assert len(next(scans)) > 0
     with pytest.raises(IndexError, match="scan 999 of a sequence of 12"):
         next(scans)
 
 
-def test_a_pair_is_some_metres_apart_and_a_bit_turned(forest_scene):
+def test_a_pair_has_the_given_baseline_and_turn(forest_scene):
     for seed in range(6):
         pair = scan_pair(forest_scene, os1_64(), seed, baseline=(3.0, 5.0))
         metres, radians = pair.target.pose.distance(pair.source.pose)
-        # A winding track is shorter as the crow flies; the two may also stand aside.
+        # The straight distance is shorter than the track, and both may be beside it.
         assert 2.0 < metres < 5.5
         assert radians < np.radians(15.0) + 0.25
         exact = pair.target.pose.inverse() @ pair.source.pose
         assert exact.is_close(pair.target_from_source, translation=1e-12, rotation=1e-12)
 
 
-def test_the_pose_of_a_pair_lays_what_both_see_on_top_of_each_other(forest_scene):
+def test_the_exact_pose_aligns_a_pair_up_to_noise(forest_scene):
     pair = scan_pair(forest_scene, "os1_64", 1)
     shared = np.intersect1d(pair.target.objects, pair.source.objects)
     assert len(shared) > 50
     moved = pair.target_from_source.apply(pair.source.points)
-    # What the source measured, seen again from where the source stood in the target's frame.
+    # Rays to the source points, cast again from the pose of the source in the target frame.
     origin = pair.target.pose.apply(pair.target_from_source.translation)
     rays = pair.target.pose.apply(moved) - origin
     ranges = np.linalg.norm(rays, axis=1)
     hits = forest_scene.world.cast(
         np.tile(origin, (len(rays), 1)), rays / ranges[:, None], 0.0, np.zeros(len(rays)), 130.0
     )
-    gaps = ranges - hits.distances
-    # Nothing is left but the noise of the ranges, 3 cm.
-    assert abs(gaps.mean()) < 0.002
-    assert gaps.std() == pytest.approx(0.03, rel=0.05)
+    residuals = ranges - hits.distances
+    # The residuals are the range noise, 3 cm.
+    assert abs(residuals.mean()) < 0.002
+    assert residuals.std() == pytest.approx(0.03, rel=0.05)
     assert (hits.objects == pair.source.objects).mean() > 0.999
 
 
-def test_a_named_scene_is_drawn_from_the_seed(forest_scene):
+def test_a_named_scene_is_generated_from_the_seed(forest_scene):
     drawn = scan_pair("forest", "hdl_32e", _SEED)
     given = scan_pair(forest_scene, hdl_32e(), _SEED)
     assert _bytes(drawn.target) == _bytes(given.target)
@@ -94,9 +95,9 @@ def test_a_named_scene_is_drawn_from_the_seed(forest_scene):
         (("moon", "hdl_64e", 1), {}, "scene must be one of street, forest, rugged, got 'moon'"),
         (("forest", "eye", 1), {}, "sensor must be one of hdl_64e, hdl_32e, os1_64, got 'eye'"),
         (("forest", "hdl_64e", -1), {}, "seed must be a whole number of at least 0"),
-        (("forest", "hdl_64e", 1), {"baseline": (5.0, 3.0)}, "0 <= least <= greatest"),
+        (("forest", "hdl_64e", 1), {"baseline": (5.0, 3.0)}, "0 <= minimum <= maximum"),
     ],
 )
-def test_unknown_names_and_impossible_pairs_are_refused(arguments, options, message):
+def test_unknown_names_and_invalid_baselines_are_refused(arguments, options, message):
     with pytest.raises(InvalidInput, match=message):
         scan_pair(*arguments, **options)

@@ -110,8 +110,11 @@ def _sequence(
 
     place, drive = drive_through(scene, count=count, seed=seed)
     if sensor == "facet-ladar":
-        return LadarSequence(place.world, FacetLadar(), PanTiltMount(), drive, seed)
-    return SimulatedSequence(place.world, SENSORS[sensor.replace("-", "_")](), drive, seed)
+        return LadarSequence(
+            world=place.world, ladar=FacetLadar(), mount=PanTiltMount(), drive=drive, seed=seed
+        )
+    spinning = SENSORS[sensor.replace("-", "_")]()
+    return SimulatedSequence(world=place.world, sensor=spinning, drive=drive, seed=seed)
 
 
 class _Folder:

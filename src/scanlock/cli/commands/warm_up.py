@@ -114,7 +114,14 @@ def _warm_up_simulation() -> None:
     world = World.of(
         [box.moved(Pose(np.eye(3), np.array([6.0, 0.0, 0.0])))],
         HeightField(np.zeros((20, 20)), np.array([-20.0, -20.0]), 2.0),
-        [Mover(box, np.array([[0.0, 6.0, 0.0], [9.0, 6.0, 0.0]]), 0.0, 1.0)],
+        [
+            Mover(
+                surfaces=box,
+                path=np.array([[0.0, 6.0, 0.0], [9.0, 6.0, 0.0]]),
+                start=0.0,
+                speed=1.0,
+            )
+        ],
     )
     above = Pose(np.eye(3), np.array([0.0, 0.0, 2.0]))
     sensor = replace(os1_64(), azimuth_steps=32)

@@ -107,8 +107,8 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     has_colours = {"red", "green", "blue"} <= set(fields)
     header = laspy.LasHeader(version="1.4", point_format=7 if has_colours else 6)
     low = scan.points.min(axis=0)
-    reach = float((scan.points.max(axis=0) - low).max()) / 2**30
-    step = max(_MIN_STEP, 10.0 ** math.ceil(math.log10(reach)) if reach > 0 else 0.0)
+    needed = float((scan.points.max(axis=0) - low).max()) / 2**30
+    step = max(_MIN_STEP, 10.0 ** math.ceil(math.log10(needed)) if needed > 0 else 0.0)
     header.offsets = np.floor(low)
     header.scales = np.full(3, step)
     known = set(header.point_format.dimension_names) - _COORDINATES

@@ -150,7 +150,7 @@ def _split_names(line: str) -> list[str]:
 
 
 def _commented_names(head: bytes, width: int) -> list[str] | None:
-    """Return the names in the last comment before the numbers, if they fit the columns."""
+    """Return the names of the last comment before the numbers that fits the columns, if any."""
     found: list[str] | None = None
     for line in head.removeprefix(_BYTE_ORDER_MARK).splitlines():
         text = line.strip()

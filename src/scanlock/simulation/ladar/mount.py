@@ -1,4 +1,4 @@
-"""The pan/tilt platform that a sensor looks around on, and where it is fixed to its vehicle."""
+"""Pan/tilt platform: pose of a sensor on a vehicle from encoder readings."""
 
 import math
 from dataclasses import dataclass
@@ -10,32 +10,32 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 
 _ROUNDING = 1e-9
-"""How far past its stop [rad] an angle may be by rounding, as of degrees turned to radians."""
+"""Tolerance of the limits for rounding, as in conversions from degrees [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PanTiltMount:
-    """A platform that pans about the vehicle's z axis and tilts about the panned y axis.
+    """A platform that pans about the z axis of the vehicle and tilts about the panned y axis.
 
-    Readings of the two encoders become a pose through lever arms and calibration. The paper
-    names a mount position and calibration factors and gives a tilt of +-30 degrees; every other
-    number here is ours.
+    Encoder readings are converted to a pose by lever arms and calibration. Madhavan and Messina
+    (2003) mention a mount position and calibration factors, and give a tilt of +-30 degrees; all
+    other values are ours.
     """
 
     lever_arm: tuple[float, float, float] = (0.8, 0.0, 0.25)
-    """Where the pan and the tilt axis cross, in the frame of the vehicle [m]."""
+    """Intersection of the pan and the tilt axis, in the frame of the vehicle [m]."""
     head_offset: tuple[float, float, float] = (0.12, 0.0, 0.1)
-    """From there to the sensor's origin, along the axes of the panned and tilted head [m]."""
+    """Origin of the sensor in the frame of the head, from that intersection [m]."""
     misalignment: tuple[float, float, float] = (0.004, -0.006, 0.008)
-    """Rotation vector that turns the axes of the head into those of the sensor [rad]."""
+    """Rotation vector from the axes of the head to those of the sensor [rad]."""
     pan_zero: float = 0.01
-    """Reading of the pan encoder when the platform looks straight ahead [rad]."""
+    """Reading of the pan encoder for the direction straight ahead [rad]."""
     tilt_zero: float = -0.015
-    """Reading of the tilt encoder when the platform looks along the vehicle's x-y plane [rad]."""
+    """Reading of the tilt encoder for directions in the x-y plane of the vehicle [rad]."""
     pan_limit: float = math.radians(90.0)
-    """Pan readings stay within this of zero [rad]."""
+    """Maximum absolute pan reading [rad]."""
     tilt_limit: float = math.radians(30.0)
-    """Tilt readings stay within this of zero [rad]."""
+    """Maximum absolute tilt reading [rad]."""
 
     def __post_init__(self) -> None:
         for name in ("lever_arm", "head_offset", "misalignment"):
@@ -49,7 +49,7 @@ class PanTiltMount:
         require_positive("tilt_limit", self.tilt_limit, unit="rad")
 
     def vehicle_from_sensor(self, pan: float, tilt: float) -> Pose:
-        """Return the pose of the sensor at readings of the encoders.
+        """Compute the pose of the sensor from encoder readings.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class PanTiltMount:
             ("tilt", tilt, self.tilt_limit),
         ):
             if not abs(angle) <= limit + _ROUNDING:
-                raise InvalidInput(f"{name} must lie within +-{limit} rad, got {angle} rad")
+                raise InvalidInput(f"{name} must be within +-{limit} rad, got {angle} rad")
         head = exp_rotation(np.array([0.0, 0.0, pan - self.pan_zero])) @ exp_rotation(
             np.array([0.0, self.tilt_zero - tilt, 0.0])
         )
@@ -80,16 +80,16 @@ class PanTiltMount:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TiltSweep:
-    """Where a platform looks over time: a fixed pan, and a tilt that is held or swings slowly."""
+    """Motion of a platform over time: a fixed pan, and a fixed or slowly oscillating tilt."""
 
     pan: float = 0.0
     """Reading of the pan encoder, positive to the left [rad]."""
     tilt: float = 0.0
-    """Middle of the swing, positive upwards [rad]."""
+    """Mean reading of the tilt encoder, positive upwards [rad]."""
     swing: float = 0.0
-    """How far the tilt swings to both sides [rad]; 0 holds it."""
+    """Amplitude of the oscillation of the tilt [rad]; 0 for a fixed tilt."""
     period: float = 8.0
-    """How long a swing there and back takes [s]."""
+    """Period of the oscillation [s]."""
 
     def __post_init__(self) -> None:
         for name in ("pan", "tilt"):
@@ -99,5 +99,5 @@ class TiltSweep:
         require_positive("period", self.period, unit="s")
 
     def at(self, time: float) -> tuple[float, float]:
-        """Return pan and tilt [rad] at a time [s]; the tilt is in the middle at time 0."""
+        """Return pan and tilt [rad] at a time [s]; at time 0 the tilt has its mean value."""
         return self.pan, self.tilt + self.swing * math.sin(2.0 * math.pi * time / self.period)

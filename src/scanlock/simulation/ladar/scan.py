@@ -1,4 +1,4 @@
-"""One frame of a facet ladar on a vehicle, with everything that is true of it."""
+"""Simulated frame of a facet ladar on a vehicle, with exact poses and labels."""
 
 from dataclasses import dataclass
 
@@ -17,20 +17,21 @@ from scanlock.simulation.world import World
 _PLANTS = (SurfaceClass.FOLIAGE, SurfaceClass.SHRUB, SurfaceClass.GRASS)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class LadarScan(SimulatedScan):
-    """One frame of a ladar, as a range image and as points of the vehicle.
+    """One frame of a ladar, as a range image and as points in the frame of the vehicle.
 
-    What a `SimulatedScan` calls sensor is the vehicle here: `points` are in its frame, in order
-    of the image, row by row; `rings` are rows; `pose` is world_from_vehicle in the middle of the
-    frame and `twist` the vehicle's; `period` is the time that the frame took.
+    The sensor frame of `SimulatedScan` is the frame of the vehicle here: `points` are in it, in
+    the order of the image, row by row; `pose` is ``world_from_vehicle`` at the middle of the frame,
+    and `twist` the velocity of the vehicle. `rings` are image rows, and `period` is the duration of
+    the frame.
 
     Attributes
     ----------
     ranges : (r, c) [m]
-        Readings of the ladar; NaN where nothing came back.
+        Readings of the ladar; NaN for lost returns.
     pan, tilt : float [rad]
-        Readings of the platform, which holds still during a frame.
+        Readings of the platform, constant during the frame.
     """
 
     ranges: Matrix
@@ -54,28 +55,33 @@ def simulate_frame(
     time: float = 0.0,
     twist: Vector | None = None,
 ) -> LadarScan:
-    """Return what a ladar on a vehicle sees in one frame.
+    """Simulate one frame of a ladar on a vehicle.
 
     Parameters
     ----------
-    world, ladar, mount : World, FacetLadar, PanTiltMount
-        What is seen, by what, and how that is fixed to the vehicle.
+    world : World
+    ladar : FacetLadar
+    mount : PanTiltMount
+        Mount of the ladar on the vehicle.
     pose : Pose
-        world_from_vehicle in the middle of the frame.
+        ``world_from_vehicle`` at the middle of the frame.
     rng : Generator
-        Draws range noise and lost returns; as many numbers whatever is seen.
+        Source of range noise and lost returns. The number of draws does not depend on the world.
     pan, tilt : float [rad]
         Readings of the platform.
     time : float [s]
-        When the middle of the frame is, for the world's moving objects.
+        Time of the middle of the frame, for moving objects.
     twist : (6,) [m/s, rad/s], optional
-        Velocity of the vehicle in its own frame, translation first; it keeps it during the
-        frame. At rest by default.
+        Constant velocity of the vehicle in its own frame, translation first; zero by default.
+
+    Returns
+    -------
+    LadarScan
 
     Raises
     ------
     InvalidInput
-        A twist of another shape, or not finite; a platform beyond its limits.
+        A twist of another shape, or not finite; a reading beyond the limits of the platform.
     """
     twist = np.zeros(6) if twist is None else np.array(twist, np.float64)
     if twist.shape != (6,) or not np.isfinite(twist).all():
@@ -91,15 +97,15 @@ def simulate_frame(
     working = rng.random(ladar.facets) >= ladar.facet_loss
     chance = chance * np.repeat(working, ladar.rows_per_facet * ladar.columns)
     readings = ladar.readings(hits.distances + noise)
-    seen = (rng.random(len(firing)) < chance) & (readings > 0.0)
-    ranges = np.where(seen, readings, np.nan).reshape(ladar.rows, ladar.columns)
+    detected = (rng.random(len(firing)) < chance) & (readings > 0.0)
+    ranges = np.where(detected, readings, np.nan).reshape(ladar.rows, ladar.columns)
     points = points_from_ranges(ranges, ladar, mount, pan=pan, tilt=tilt)
     return LadarScan(
-        points=points.reshape(-1, 3)[seen],
-        labels=hits.labels[seen],
-        objects=hits.objects[seen],
-        rings=np.flatnonzero(seen) // ladar.columns,
-        times=firing[seen],
+        points=points.reshape(-1, 3)[detected],
+        labels=hits.labels[detected],
+        objects=hits.objects[detected],
+        rings=np.flatnonzero(detected) // ladar.columns,
+        times=firing[detected],
         pose=pose,
         twist=twist,
         time=time,
@@ -113,9 +119,9 @@ def simulate_frame(
 def _rays(
     ladar: FacetLadar, vehicle_from_sensor: Pose, pose: Pose, twist: Vector, delays: Vector
 ) -> tuple[Points, Points]:
-    """Return origins [m] and directions of all beams in the world, each at its own moment."""
+    """Return origins [m] and directions of all beams in the world, at their times of firing."""
     rotations, translations = screw(twist, delays)
-    turned = pose.rotation @ rotations
+    orientations = pose.rotation @ rotations
     beams = ladar.directions().reshape(-1, 3) @ vehicle_from_sensor.rotation.T
-    origins = pose.apply(translations) + turned @ vehicle_from_sensor.translation
-    return origins, np.einsum("nij,nj->ni", turned, beams)
+    origins = pose.apply(translations) + orientations @ vehicle_from_sensor.translation
+    return origins, np.einsum("nij,nj->ni", orientations, beams)

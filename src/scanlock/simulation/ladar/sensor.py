@@ -1,10 +1,9 @@
-"""A range-imaging ladar with a mirror of many facets, and its way from ranges to points.
+"""Range-imaging ladar with a multi-facet mirror, and conversion between ranges and points.
 
-Modelled on the unit that Madhavan and Messina (2003) registered scans of. From the paper: 32 rows
-by 180 columns in 16 facets, 20 degrees high, on a platform that tilts by +-30 degrees, facets
-that come back empty, and the use of mount and calibration to get coordinates. The paper is silent
-on the rest, which is ours: 90 degrees across, two neighbouring rows a facet, ten frames a
-second, reach, noise, resolution and how returns are lost.
+The model follows the unit in Madhavan and Messina (2003): 32 rows by 180 columns in 16 facets, 20
+degrees high, on a platform that tilts by +-30 degrees, with facets that are sometimes empty, and
+coordinates computed from mount and calibration. All other values are ours: 90 degrees of width, two
+neighbouring rows per facet, ten frames per second, range, noise, resolution and lost returns.
 """
 
 import math
@@ -22,70 +21,70 @@ from scanlock.errors import (
     require_positive,
 )
 from scanlock.simulation.ladar.mount import PanTiltMount
-from scanlock.simulation.scenes.terrain import ramp
+from scanlock.simulation.waves import smoothstep
 
-_SHARPEST = 1e-9
-"""Cosines and widths below this count as this, which no return can tell from zero."""
+_MIN_COSINE = 1e-9
+"""Lower bound of cosines and of fading widths, to avoid a division by zero."""
 
 _FACET_OFFSETS = (
     0.02, -0.04, 0.05, -0.01, 0.03, -0.05, 0.0, 0.04, -0.02, 0.01, -0.03, 0.05, -0.04, 0.02, 0.0,
     -0.01,
 )  # fmt: skip
-"""How far up the facets of the usual unit look beyond the nominal [deg]."""
+"""Deviations of the facets of the default unit from their nominal elevation [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FacetLadar:
-    """A ladar that takes range images, one facet of its mirror after the other from the top.
+    """A ladar that records range images, facet by facet from the top.
 
-    Its frame has x ahead through the middle of the image, y to the left and z up. Row 0 is the
-    top of the image and column 0 its left. A facet sweeps its rows once from left to right.
+    Its frame has x ahead through the centre of the image, y to the left and z up. Row 0 is the
+    top of the image and column 0 its left. Each facet sweeps its rows once from left to right.
     """
 
     rows: int = 32
-    """Height of the image; each facet has as many rows as every other."""
+    """Number of image rows, divided equally among the facets."""
     columns: int = 180
-    """Width of the image."""
+    """Number of image columns."""
     facet_offsets: tuple[float, ...] = tuple(math.radians(angle) for angle in _FACET_OFFSETS)
-    """Calibration: how far up each facet looks beyond the nominal [rad]; one entry a facet."""
+    """Calibration: deviation of each facet from its nominal elevation, positive upwards [rad]."""
     width: float = math.radians(90.0)
-    """Field of view across [rad]."""
+    """Horizontal field of view [rad]."""
     height: float = math.radians(20.0)
-    """Field of view up and down [rad]."""
+    """Vertical field of view [rad]."""
     rate: float = 10.0
-    """Frames a second [Hz]."""
+    """Frames per second [Hz]."""
     frame_time: float = 0.1
-    """How long a frame takes [s]; the platform moves in what is left until the next."""
+    """Duration of a frame [s]; the platform moves between frames."""
     min_range: float = 1.0
-    """Nearer returns are lost [m]."""
+    """Minimum range of a return [m]."""
     max_range: float = 60.0
-    """Reach to a surface that faces the ladar [m]."""
+    """Maximum range of a return at perpendicular incidence [m]."""
     range_noise: float = 0.035
-    """Standard deviation of a range [m]."""
+    """Standard deviation of the range [m]."""
     range_resolution: float = 0.02
-    """Readings are multiples of this [m]; 0 leaves them as they are."""
+    """Resolution of the readings [m]; 0 for no rounding."""
     range_scale: float = 1.002
-    """Calibration: metres per metre of a reading."""
+    """Calibration: scale of the range over the reading."""
     range_offset: float = 0.12
-    """Calibration: the range of a reading of zero [m]."""
+    """Calibration: range at a reading of zero [m]."""
     grazing: float = 0.25
-    """The reach shrinks with the cosine of incidence to this power."""
+    """Exponent of the cosine of incidence in the detection range."""
     fading: float = 0.2
-    """Returns thin out from this fraction short of the reach to as far beyond it."""
+    """Half width of the interval in which detection fades, as a share of the detection range."""
     dropout: float = 0.02
-    """Share of pulses lost whatever they meet."""
+    """Share of pulses lost independent of the surface."""
     plant_loss: float = 0.12
-    """Share of the pulses lost on leaves and grass, which fill a beam in part only."""
+    """Share of pulses lost on leaves and grass, which cover only part of a beam."""
     facet_loss: float = 0.02
-    """Chance that a facet of a frame comes back empty."""
+    """Probability that a facet of a frame is empty."""
 
     def __post_init__(self) -> None:
         require_count("rows", self.rows, minimum=2)
         require_count("columns", self.columns, minimum=2)
         if not self.facet_offsets or self.rows % len(self.facet_offsets):
             raise InvalidInput(
-                "facet_offsets must have one entry a facet, and the rows be shared out evenly, "
-                f"got {len(self.facet_offsets)} for {self.rows} rows"
+                "facet_offsets must have one entry per facet, and rows be divisible by their "
+                f"number, got {len(self.facet_offsets)} for {self.rows} rows"
             )
         for name in ("width", "height"):
             require_positive(name, getattr(self, name), unit="rad")
@@ -93,12 +92,12 @@ class FacetLadar:
         require_positive("frame_time", self.frame_time, unit="s")
         if self.frame_time > 1.0 / self.rate:
             raise InvalidInput(
-                f"frame_time must not exceed {1.0 / self.rate} s at {self.rate} frames a second, "
+                f"frame_time must be at most {1.0 / self.rate} s at {self.rate} frames per second, "
                 f"got {self.frame_time} s"
             )
         if not (np.diff(self.elevations()) < 0.0).all():
             raise InvalidInput(
-                "facet_offsets must be finite and leave the rows in order from the top, got "
+                "facet_offsets must be finite and keep the rows in descending order, got "
                 f"{self.facet_offsets}"
             )
         self._check_ranges()
@@ -121,48 +120,59 @@ class FacetLadar:
 
     @property
     def facets(self) -> int:
-        """How many facets a frame has."""
+        """Number of facets."""
         return len(self.facet_offsets)
 
     @property
     def rows_per_facet(self) -> int:
-        """How many neighbouring rows of the image come from one facet."""
+        """Number of neighbouring image rows per facet."""
         return self.rows // self.facets
 
     def elevations(self) -> Vector:
-        """Return how far up each row looks, one a row [rad]."""
+        """Return the (rows,) elevations of the image rows [rad]."""
         nominal = self.height * (0.5 - (np.arange(self.rows) + 0.5) / self.rows)
         return nominal + np.repeat(self.facet_offsets, self.rows_per_facet)
 
     def azimuths(self) -> Vector:
-        """Return how far left each column looks, (columns,) [rad]."""
+        """Return the (columns,) azimuths of the image columns, positive to the left [rad]."""
         return self.width * (0.5 - (np.arange(self.columns) + 0.5) / self.columns)
 
     def directions(self) -> NDArray[np.float64]:
-        """Return the unit vectors (r, c, 3) of an image in the frame of the ladar."""
+        """Return the (r, c, 3) unit vectors of the pixels in the frame of the ladar."""
         elevation, azimuth = np.meshgrid(self.elevations(), self.azimuths(), indexing="ij")
-        level = np.cos(elevation)
+        horizontal = np.cos(elevation)
         return np.stack(
-            [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)], axis=2
+            [horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=2
         )
 
     def firing_times(self) -> Matrix:
-        """Return when each facet fires at each column, (facets, columns) [s] into the frame."""
+        """Return the (facets, columns) times of firing, from the start of a frame [s]."""
         order = np.arange(self.facets * self.columns, dtype=np.float64)
         return (order * (self.frame_time / order.size)).reshape(self.facets, self.columns)
 
     def detection(self, distances: Vector, cosines: Vector) -> Vector:
-        """Return the chance (n,) that a pulse comes back from so far at such an incidence."""
+        """Compute the probability of a return.
+
+        Parameters
+        ----------
+        distances : (n,) [m]
+        cosines : (n,)
+            Cosines of the angle of incidence.
+
+        Returns
+        -------
+        (n,)
+        """
         share = np.asarray(distances) / (
-            self.max_range * np.maximum(cosines, _SHARPEST) ** self.grazing
+            self.max_range * np.maximum(cosines, _MIN_COSINE) ** self.grazing
         )
-        fading = max(self.fading, _SHARPEST)
-        chance = 1.0 - ramp(share, 1.0 - fading, 1.0 + fading)
-        seen = (distances >= self.min_range) & (distances <= self.max_range)
-        return np.where(seen, chance * (1.0 - self.dropout), 0.0)
+        fading = max(self.fading, _MIN_COSINE)
+        probability = 1.0 - smoothstep(share, 1.0 - fading, 1.0 + fading)
+        in_range = (distances >= self.min_range) & (distances <= self.max_range)
+        return np.where(in_range, probability * (1.0 - self.dropout), 0.0)
 
     def readings(self, distances: Vector) -> Vector:
-        """Return what the ladar reports for distances [m], by its scale, offset and resolution."""
+        """Return the (n,) readings for distances [m]: with scale, offset and resolution applied."""
         readings = (np.asarray(distances) - self.range_offset) / self.range_scale
         if self.range_resolution > 0.0:
             readings = np.rint(readings / self.range_resolution) * self.range_resolution
@@ -172,26 +182,26 @@ class FacetLadar:
 def points_from_ranges(
     ranges: ArrayLike, ladar: FacetLadar, mount: PanTiltMount, *, pan: float, tilt: float
 ) -> NDArray[np.float64]:
-    """Return the points of a range image in the frame of the vehicle.
+    """Compute the points of a range image, in the frame of the vehicle.
 
     Parameters
     ----------
     ranges : (r, c) [m]
-        Readings; empty where not finite or not positive.
+        Readings; pixels that are not finite or not positive are empty.
     ladar, mount : FacetLadar, PanTiltMount
-        Angles and calibration of the ladar, and where it is fixed.
+        Geometry and calibration of the ladar, and its mount.
     pan, tilt : float [rad]
         Readings of the platform.
 
     Returns
     -------
     (r, c, 3) [m]
-        NaN where the image is empty.
+        NaN for empty pixels.
 
     Raises
     ------
     InvalidInput
-        An image of another shape, or a platform beyond its limits.
+        An image of another shape, or a reading beyond the limits of the platform.
     """
     image = np.asarray(ranges, np.float64)
     if image.shape != (ladar.rows, ladar.columns):
@@ -206,17 +216,33 @@ def points_from_ranges(
 def ranges_from_points(
     points: Points, ladar: FacetLadar, mount: PanTiltMount, *, pan: float, tilt: float
 ) -> Matrix:
-    """Return the range image of points in the frame of the vehicle; see `points_from_ranges`.
+    """Compute the range image of points in the frame of the vehicle.
 
-    Each point falls on the pixel whose beam is nearest in both angles; of several in one pixel
-    the nearest counts, and those outside of the field of view are left out. NaN where empty.
+    Each point belongs to the pixel with the nearest beam in both angles. The nearest point of each
+    pixel is used, and points outside of the field of view are ignored.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    ladar, mount, pan, tilt
+        As for `points_from_ranges`.
+
+    Returns
+    -------
+    (r, c) [m]
+        Readings; NaN for empty pixels.
+
+    Raises
+    ------
+    InvalidInput
+        A reading beyond the limits of the platform.
     """
     local = mount.vehicle_from_sensor(pan, tilt).inverse().apply(points).reshape(-1, 3)
     local = local[np.isfinite(local).all(axis=1)]
     metres = np.linalg.norm(local, axis=1)
-    level = np.hypot(local[:, 0], local[:, 1])
-    # Both run from high to low, so that they are searched from behind.
-    row = _nearest(-ladar.elevations(), -np.arctan2(local[:, 2], level))
+    horizontal = np.hypot(local[:, 0], local[:, 1])
+    # Negated, since elevations and azimuths descend and the search needs ascending angles.
+    row = _nearest(-ladar.elevations(), -np.arctan2(local[:, 2], horizontal))
     column = _nearest(-ladar.azimuths(), -np.arctan2(local[:, 1], local[:, 0]))
     inside = (row >= 0) & (column >= 0)
     readings = (metres[inside] - ladar.range_offset) / ladar.range_scale
@@ -226,9 +252,9 @@ def ranges_from_points(
     return image
 
 
-def _nearest(angles: Vector, wanted: Vector) -> NDArray[np.int64]:
-    """Return which of some rising angles is nearest to each (n,) angle; -1 beyond them."""
+def _nearest(angles: Vector, queries: Vector) -> NDArray[np.int64]:
+    """Return the index of the nearest of ascending angles for each query; -1 beyond them."""
     edges = 0.5 * (angles[1:] + angles[:-1])
     outer = np.concatenate([2.0 * angles[:1] - edges[:1], edges, 2.0 * angles[-1:] - edges[-1:]])
-    index = np.searchsorted(outer, wanted, side="right") - 1
+    index = np.searchsorted(outer, queries, side="right") - 1
     return np.where(index < len(angles), index, -1).astype(np.int64)

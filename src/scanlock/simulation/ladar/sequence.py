@@ -1,4 +1,4 @@
-"""Frames of a facet ladar along a drive over rugged terrain, each made when asked for."""
+"""Simulated sequences of ladar frames along a drive over rugged terrain."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -16,15 +16,15 @@ from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.world import World
 
 AHEAD_AND_DOWN = TiltSweep(tilt=math.radians(-18.0))
-"""A held tilt that fills about as much of the image as the paper's 4848 to 5352 points do."""
+"""Fixed tilt at which frames have about as many points as in the paper, 4848 to 5352."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class LadarSequence:
-    """The frames of a ladar along the drive of a vehicle.
+    """Frames of a ladar along the drive of a vehicle, simulated on access.
 
-    Frame k depends on the seed and on k alone, not on which frames were made before. The exact
-    pose between two frames is ``target.pose.inverse() @ source.pose``, of the vehicle.
+    Frame k depends only on the seed and on k, not on which frames were simulated before. The exact
+    pose between two frames is ``target.pose.inverse() @ source.pose``.
 
     Attributes
     ----------
@@ -32,10 +32,11 @@ class LadarSequence:
     ladar : FacetLadar
     mount : PanTiltMount
     drive : Drive
-        world_from_vehicle in the middle of each frame.
+        ``world_from_vehicle`` at the middle of each frame.
     seed : int
+        Seed of range noise and lost returns.
     look : TiltSweep
-        Where the platform looks at the times of the drive.
+        Motion of the platform.
     """
 
     world: World
@@ -52,7 +53,7 @@ class LadarSequence:
         return len(self.drive)
 
     def __getitem__(self, index: int) -> LadarScan:
-        """Return frame `index`; negative ones count from the end."""
+        """Simulate frame `index`; negative indices count from the end."""
         if not -len(self) <= index < len(self):
             raise IndexError(f"frame {index} of a sequence of {len(self)}")
         k = index % len(self)
@@ -75,7 +76,7 @@ class LadarSequence:
         return self.scans(range(len(self)))
 
     def scans(self, indices: Iterable[int]) -> Iterator[LadarScan]:
-        """Yield some frames, such as every twentieth: ``scans(range(0, len(sequence), 20))``."""
+        """Yield the frames of some indices, such as ``range(0, len(sequence), 20)``."""
         return (self[index] for index in indices)
 
 
@@ -90,44 +91,50 @@ def ladar_run(
     mount: PanTiltMount | None = None,
     look: TiltSweep = AHEAD_AND_DOWN,
 ) -> LadarSequence:
-    """Return the frames of a ladar on a vehicle at a steady speed over rugged terrain.
-
-    Frames k and k + 1 are consecutive, k and k + 20 twenty apart. How close two frames lie at the
-    exact pose follows from the way between them, for a ladar that has moved meets other points of
-    the same grass; ``scanlock reproduce ladar`` tells by how much. So close as the paper's pairs
-    lie, its vehicle must have stood nearly still.
+    """Simulate the frames of a ladar on a vehicle at constant speed over rugged terrain.
 
     Parameters
     ----------
     seed : int
-        Decides everything that is not given: the scene, the place, the drive and the noise.
+        Seed of all that is not given: the scene, the start, the drive and the noise.
     scene : Scene, optional
-        Where to drive; rugged terrain drawn from the seed by default.
+        Scene to drive through; rugged terrain generated from the seed by default.
     count : int
-        How many frames.
+        Number of frames.
     speed : float [m/s]
-        Of the vehicle; 15 km/h by default. At the ladar's ten frames a second, frames twenty
-        apart are then taken 8 m from each other and have little in common; at 0.1 m/s, 0.2 m.
+        Speed of the vehicle; 15 km/h by default.
     start : float [m], optional
-        Arc length along the scene's track where the drive begins; anywhere by default.
-    ladar, mount, look : FacetLadar, PanTiltMount, TiltSweep
-        The ladar, how it is fixed to the vehicle, and where it looks.
+        Arc length of the first frame along the track; random by default.
+    ladar : FacetLadar, optional
+    mount : PanTiltMount, optional
+        Mount of the ladar on the vehicle.
+    look : TiltSweep
+        Motion of the platform.
 
     Raises
     ------
     InvalidInput
-        A seed or a count that is none, or a speed that is not positive.
+        A negative seed, a count below one, or a speed that is not positive.
+
+    Notes
+    -----
+    The distance of closest points at the exact pose increases with the distance between frames,
+    since grass is hit at other points; ``scanlock reproduce ladar`` measures it. At 15 km/h and ten
+    frames per second, frames k and k + 20 are 8 m apart and overlap little; at 0.1 m/s, 0.2 m. The
+    small distances in the paper imply a vehicle that hardly moved.
     """
     require_count("seed", seed, minimum=0)
     require_positive("speed", speed, unit="m/s")
-    building, placing, driving = (
+    scene_rng, start_rng, drive_rng = (
         np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)
     )
     if scene is None:
-        scene = rugged(building)
+        scene = rugged(scene_rng)
     if start is None:
-        start = float(placing.uniform(0.0, scene.track.length))
+        start = float(start_rng.uniform(0.0, scene.track.length))
     ladar, mount = ladar or FacetLadar(), mount or PanTiltMount()
     at_speed = replace(scene, carrier=replace(scene.carrier, speed=speed))
-    drive = at_speed.drive(driving, count=count, spacing=speed / ladar.rate, start=start)
-    return LadarSequence(scene.world, ladar, mount, drive, seed, look)
+    drive = at_speed.drive(drive_rng, count=count, spacing=speed / ladar.rate, start=start)
+    return LadarSequence(
+        world=scene.world, ladar=ladar, mount=mount, drive=drive, seed=seed, look=look
+    )

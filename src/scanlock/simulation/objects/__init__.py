@@ -1,1 +1,4 @@
-"""Simulated objects and the surfaces they are made of."""
+"""Simulated objects, such as houses, plants and cars, and the surfaces that they consist of.
+
+Every object is generated in its own frame; `scanlock.simulation.scenes` places objects in a world.
+"""

@@ -1,6 +1,6 @@
-"""Houses with uneven fronts: sections set back, recessed windows, bays, porches and roofs.
+"""Houses with uneven fronts: set-back sections, recessed windows, bays, porches and roofs.
 
-A house stands with its front along x in the plane y = 0, looking along -y; z = 0 is the ground.
+The front of a house is along x in the plane y = 0 and faces -y; z = 0 is the ground.
 """
 
 import itertools
@@ -14,21 +14,27 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
 _FOOT = 1.5
-"""How far walls reach into the ground [m], for slopes."""
+"""Depth of walls below the ground [m], for slopes."""
 
 _GLASS = 0.5
-"""Share of pulses that go through a window and do not come back."""
+"""Share of pulses that a window does not return."""
 
 _Span = tuple[float, float, float, float, float, float]
-"""Low and high x, y and z of an upright block [m]."""
+"""Low and high x, low and high y, low and high z of an axis-aligned block [m]."""
 
 
 def house(
     rng: np.random.Generator, *, width: float, depth: float, storeys: int, forecourt: float
 ) -> Surfaces:
-    """Return a house of one to three sections, each with its own set-back, height and roof.
+    """Generate a house of one to three sections, each with its own set-back, height and roof.
 
-    Bays and porch stay within `forecourt` [m] of the front.
+    Parameters
+    ----------
+    rng : Generator
+    width, depth : float [m]
+    storeys : int
+    forecourt : float [m]
+        Maximum extent of bays and porch in front of the house.
     """
     sections = 1 + int(rng.integers(0, 3)) if width > 9.0 else 1
     edges = np.linspace(-0.5 * width, 0.5 * width, sections + 1)
@@ -55,7 +61,7 @@ def house(
 
 
 def shed(rng: np.random.Generator, *, width: float, depth: float) -> Surfaces:
-    """Return a plain block with a roof: a garage, a shed, something behind the houses."""
+    """Generate a plain block with a roof, as a garage or a shed."""
     height = rng.uniform(2.2, 3.2)
     walls = _blocks([(-0.5 * width, 0.5 * width, 0.0, depth, -_FOOT, height)])
     return Surfaces.joined([walls, _roof(rng, -0.5 * width, 0.5 * width, 0.0, depth, height)])
@@ -70,7 +76,7 @@ def _section(
     floors: int,
     room: float,
 ) -> Surfaces:
-    """Return one section: a body, a front with recessed windows, maybe a bay, and a roof."""
+    """Return one section: a body, a front with recessed windows, an optional bay, and a roof."""
     storey = rng.uniform(2.6, 3.1)
     plinth = rng.uniform(0.1, 0.8)
     height = plinth + floors * storey
@@ -98,7 +104,7 @@ def _front(
     storey: float,
     floors: int,
 ) -> Surfaces:
-    """Return the skin of a front: piers and bands of wall, with glass set back between them."""
+    """Return the surface of a front: piers and bands of wall, with recessed glass between them."""
     columns = max(1, round((right - left) / rng.uniform(2.3, 3.8)))
     edges = np.linspace(left, right, columns + 1)
     edges[1:-1] += rng.uniform(-0.3, 0.3, columns - 1)
@@ -158,9 +164,9 @@ def _gable(
     pitch: float,
     out: float,
 ) -> tuple[NDArray[np.float64], float]:
-    """Return triangles (6, 3, 3) of a gable roof with its ridge along x, and the ridge's height.
+    """Return the (6, 3, 3) triangles of a gable roof with its ridge along x, and its height [m].
 
-    The slopes fall by `pitch` a metre, and reach `out` [m] beyond the sides.
+    `pitch` is the slope of the roof, and `out` its overhang beyond the sides [m].
     """
     middle = 0.5 * (sides[0] + sides[1])
     ridge = eaves + pitch * (sides[1] - middle)
@@ -177,7 +183,7 @@ def _gable(
 
 
 def _porch(rng: np.random.Generator, width: float, room: float) -> Surfaces:
-    """Return steps, a slab and posts under a little roof in front of the door."""
+    """Return a porch: a step, a slab, and posts below a small roof."""
     middle = rng.uniform(-0.3, 0.3) * width
     half = rng.uniform(0.8, 1.6)
     out = rng.uniform(0.6, min(1.7, room - 0.35))
@@ -196,7 +202,7 @@ def _porch(rng: np.random.Generator, width: float, room: float) -> Surfaces:
 
 
 def _balcony(rng: np.random.Generator, width: float) -> Surfaces:
-    """Return a slab on the first floor with a barred railing."""
+    """Return a balcony on the first floor with a barred railing."""
     middle = rng.uniform(-0.3, 0.3) * width
     half, out, floor = rng.uniform(1.0, 2.0), rng.uniform(0.8, 1.3), rng.uniform(2.9, 3.3)
     slab = _blocks(
@@ -221,7 +227,7 @@ def _side_wing(rng: np.random.Generator, width: float, depth: float) -> Surfaces
 
 
 def _blocks(spans: list[_Span], loss: float = 0.0) -> Surfaces:
-    """Return upright boxes; blocks without thickness are left out."""
+    """Return axis-aligned boxes; blocks without thickness are omitted."""
     corners = np.array(spans, np.float64)
     low: Vector = corners[:, ::2]
     high: Vector = corners[:, 1::2]

@@ -1,6 +1,6 @@
-"""Poles, signs, fences and other things that stand along streets and paths.
+"""Poles, signs, fences and other objects along streets and paths.
 
-Everything stands at the origin of its own frame, z up; what is long runs along x.
+Every object is at the origin of its own frame with z up; long objects extend along x.
 """
 
 import numpy as np
@@ -10,11 +10,11 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
 _DEPTH = 0.4
-"""How far things reach into the ground [m], for slopes."""
+"""Depth of objects below the ground [m], for slopes."""
 
 
 def street_lamp(rng: np.random.Generator) -> Surfaces:
-    """Return a lamp post; its arm reaches along y."""
+    """Generate a lamp post with an arm along y."""
     height = rng.uniform(5.5, 9.0)
     arm = rng.uniform(0.8, 2.0)
     radius = rng.uniform(0.06, 0.11)
@@ -32,7 +32,7 @@ def street_lamp(rng: np.random.Generator) -> Surfaces:
 
 
 def traffic_sign(rng: np.random.Generator) -> Surfaces:
-    """Return a sign on a thin post; it faces along x."""
+    """Generate a sign on a thin post, facing along x."""
     height = rng.uniform(2.0, 2.9)
     radius = 0.03
     post = cones(
@@ -52,7 +52,7 @@ def traffic_sign(rng: np.random.Generator) -> Surfaces:
 
 
 def traffic_light(rng: np.random.Generator) -> Surfaces:
-    """Return a signal head on a post."""
+    """Generate a signal head on a post."""
     height = rng.uniform(2.9, 3.4)
     post = cones([[0.0, 0.0, -_DEPTH]], [[0.0, 0.0, height]], 0.07, 0.06, SurfaceClass.POLE)
     head = boxes([[0.15, 0.0, height - 0.4]], [[0.12, 0.16, 0.45]], SurfaceClass.POLE)
@@ -60,7 +60,7 @@ def traffic_light(rng: np.random.Generator) -> Surfaces:
 
 
 def wooden_pole(rng: np.random.Generator) -> Surfaces:
-    """Return a pole of overhead wires, with a cross arm."""
+    """Generate a pole of overhead wires with a cross arm."""
     height = rng.uniform(7.0, 10.0)
     lean = rng.normal(0.0, 0.015, 2) * height
     pole = cones([[0.0, 0.0, -_DEPTH]], [[*lean, height]], 0.15, 0.1, SurfaceClass.POLE)
@@ -69,7 +69,7 @@ def wooden_pole(rng: np.random.Generator) -> Surfaces:
 
 
 def bollards(rng: np.random.Generator, count: int) -> Surfaces:
-    """Return a row of short posts, unevenly spaced."""
+    """Generate a row of short posts with uneven spacing."""
     x = np.cumsum(rng.uniform(1.0, 1.9, count))
     x -= x.mean()
     feet = np.column_stack([x, rng.normal(0.0, 0.03, count), np.full(count, -_DEPTH)])
@@ -78,7 +78,7 @@ def bollards(rng: np.random.Generator, count: int) -> Surfaces:
 
 
 def fence(rng: np.random.Generator, *, length: float) -> Surfaces:
-    """Return a picket fence; some pickets are missing."""
+    """Generate a picket fence with some pickets missing."""
     height = rng.uniform(0.8, 1.4)
     posts = np.arange(-0.5 * length, 0.5 * length, rng.uniform(1.7, 2.6))
     pickets = np.arange(-0.5 * length, 0.5 * length, rng.uniform(0.14, 0.24))
@@ -102,7 +102,7 @@ def fence(rng: np.random.Generator, *, length: float) -> Surfaces:
 
 
 def garden_wall(rng: np.random.Generator, *, length: float) -> Surfaces:
-    """Return a low wall with pillars."""
+    """Generate a low wall with pillars."""
     height = rng.uniform(0.5, 1.3)
     pillars = np.arange(-0.5 * length, 0.5 * length + 0.1, rng.uniform(2.5, 4.0))
     wall = boxes([[0.0, 0.0, 0.5 * height - 0.2]], [[0.5 * length, 0.12, 0.5 * height + 0.2]],
@@ -117,25 +117,25 @@ def garden_wall(rng: np.random.Generator, *, length: float) -> Surfaces:
 
 
 def bins(rng: np.random.Generator, count: int) -> Surfaces:
-    """Return some rubbish bins in a row."""
+    """Generate a row of rubbish bins."""
     x = np.cumsum(rng.uniform(0.65, 0.9, count))
     half = np.column_stack(
         [rng.uniform(0.24, 0.32, count), rng.uniform(0.25, 0.38, count),
          rng.uniform(0.45, 0.6, count)]
     )  # fmt: skip
-    places = np.column_stack([x - x.mean(), rng.normal(0.0, 0.06, count), half[:, 2]])
-    return boxes(places, half, SurfaceClass.FURNITURE)
+    centres = np.column_stack([x - x.mean(), rng.normal(0.0, 0.06, count), half[:, 2]])
+    return boxes(centres, half, SurfaceClass.FURNITURE)
 
 
 def boulder(rng: np.random.Generator) -> Surfaces:
-    """Return a rock, half in the ground."""
+    """Generate a rock, half below the ground."""
     half = rng.uniform(0.15, 0.6) * rng.uniform(0.6, 1.2, (3, 3))
-    places = rng.normal(0.0, 0.25, (3, 3)) * half
-    return ellipsoids(places, half, SurfaceClass.ROCK)
+    centres = rng.normal(0.0, 0.25, (3, 3)) * half
+    return ellipsoids(centres, half, SurfaceClass.ROCK)
 
 
 def gazebo(rng: np.random.Generator) -> Surfaces:
-    """Return an open octagonal pavilion: floor, posts, railings and a pointed roof."""
+    """Generate an open octagonal pavilion: floor, posts, railings and a pointed roof."""
     radius = rng.uniform(2.4, 3.2)
     eaves = rng.uniform(2.3, 2.7)
     angles = (np.arange(9) + 0.5) * (np.pi / 4.0)
@@ -145,7 +145,7 @@ def gazebo(rng: np.random.Generator) -> Surfaces:
     posts = cones(feet, heads, 0.08, 0.08, SurfaceClass.GAZEBO)
     floor = cones([[0.0, 0.0, -_DEPTH]], [[0.0, 0.0, 0.18]], radius + 0.1, radius + 0.1,
                   SurfaceClass.GAZEBO)  # fmt: skip
-    # One side is left open to walk in.
+    # One side is open as an entrance.
     sides = np.arange(1, 8)
     low, high = corners[sides], corners[sides + 1]
     rails = [

@@ -1,4 +1,4 @@
-"""Objects that move: where each one is at a time."""
+"""Moving objects: their pose and velocity over time."""
 
 from dataclasses import dataclass, field
 
@@ -10,23 +10,23 @@ from scanlock.geometry.pose import Pose
 from scanlock.simulation.objects.surfaces import Surfaces
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Mover:
-    """A rigid object that follows a path at constant speed, its x axis ahead.
+    """A rigid object that follows a path at constant speed, with its x axis ahead.
 
     Attributes
     ----------
     surfaces : Surfaces [m]
-        In the object's own frame: x ahead, y to the left, the path through its origin.
+        Surfaces in the frame of the object: x ahead, y to the left, with the origin on the path.
     path : (k, 3) [m]
-        Corners of the path in the world. A path whose last corner is its first goes round and
-        round; on any other the object waits at the end.
+        Corners of the path in the world. A path whose last corner equals its first is closed and
+        is repeated; on other paths the object stops at the end.
     start : float [m]
-        How far along the path the object is at time 0.
+        Arc length at time 0.
     speed : float [m/s]
-        Never negative.
+        Speed along the path, not negative.
     radius : float [m]
-        How far the object reaches from its origin.
+        Maximum distance of a surface from the origin of the object.
 
     Raises
     ------
@@ -47,7 +47,7 @@ class Mover:
         if path.ndim != 2 or path.shape[1] != 3 or len(path) < 2:
             raise InvalidInput(f"path must have shape (k, 3) with k > 1, got {path.shape}")
         if not (np.isfinite(path).all() and (np.diff(path, axis=0) != 0).any(axis=1).all()):
-            raise InvalidInput("path must be finite, and no corner may repeat the one before")
+            raise InvalidInput("path must be finite, and consecutive corners must differ")
         ends = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         bounds = np.abs(self.surfaces.bounds())
         farthest = np.maximum(bounds[:, :3], bounds[:, 3:])
@@ -57,25 +57,25 @@ class Mover:
             object.__setattr__(self, name, array)
 
     def at(self, time: float) -> tuple[Pose, Vector]:
-        """Return world_from_object and the velocity [m/s] in the world at a time [s]."""
+        """Return ``world_from_object`` and the velocity [m/s] in the world at a time [s]."""
         total = float(self._ends[-1])
         along = self.start + self.speed * time
-        moving = True
+        is_moving = True
         if np.array_equal(self.path[0], self.path[-1]):
             along = along % total
         else:
-            moving = 0.0 <= along < total
+            is_moving = 0.0 <= along < total
             along = min(max(along, 0.0), total)
         k = int(np.searchsorted(self._ends, along, side="right")) - 1
         k = min(k, len(self.path) - 2)
         ahead = (self.path[k + 1] - self.path[k]) / (self._ends[k + 1] - self._ends[k])
         position = self.path[k] + (along - self._ends[k]) * ahead
-        velocity = self.speed * ahead if moving else np.zeros(3)
+        velocity = self.speed * ahead if is_moving else np.zeros(3)
         return Pose(level_frame(ahead), position), velocity
 
 
 def level_frame(ahead: Vector) -> Matrix:
-    """Return the rotation with x along the unit vector `ahead` and y level."""
-    level = np.hypot(ahead[0], ahead[1])
-    left = np.array([-ahead[1], ahead[0], 0.0]) / level if level > 0 else np.array([0.0, 1.0, 0.0])
+    """Return the (3, 3) rotation with x along the unit vector `ahead` and y horizontal."""
+    norm = np.hypot(ahead[0], ahead[1])
+    left = np.array([-ahead[1], ahead[0], 0.0]) / norm if norm > 0 else np.array([0.0, 1.0, 0.0])
     return np.column_stack([ahead, left, np.cross(ahead, left)])

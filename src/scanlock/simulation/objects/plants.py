@@ -1,6 +1,6 @@
-"""Trees, shrubs, hedges and grass: stems of cones, and leaves of discs with gaps between them.
+"""Trees, shrubs, hedges and grass: stems of cones, and porous foliage of discs.
 
-Every plant stands at the origin of its own frame, z up.
+Every plant is at the origin of its own frame, with z up.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
 _ROOTS = 0.4
-"""How far stems reach below the ground [m], for slopes."""
+"""Depth of stems below the ground [m], for slopes."""
 
 
 def tree(
@@ -22,9 +22,14 @@ def tree(
     trunk_radius: float,
     leaves: float = 1.0,
 ) -> Surfaces:
-    """Return a tree of so many metres: a leaning, tapering trunk, branches and a porous crown.
+    """Generate a broad-leaved tree: a leaning, tapering trunk, branches and a porous crown.
 
-    `leaves` scales their number, and they grow as they get fewer.
+    Parameters
+    ----------
+    rng : Generator
+    height, crown_radius, trunk_radius : float [m]
+    leaves : float
+        Factor on the number of leaves, whose total area does not change.
     """
     crown_base = height * rng.uniform(0.25, 0.45)
     joints = _leaning(rng, height * 0.8)
@@ -41,46 +46,46 @@ def tree(
 
     size = 0.045 * crown_radius / np.sqrt(leaves)
     count = int(rng.uniform(600, 1100) * leaves)
-    places = clumps[rng.integers(len(clumps), size=count)]
-    places = places + rng.normal(size=(count, 3)) * (0.17 * half)
-    return Surfaces.joined([trunk, branches, _leaves(rng, places, size, SurfaceClass.FOLIAGE)])
+    centres = clumps[rng.integers(len(clumps), size=count)]
+    centres = centres + rng.normal(size=(count, 3)) * (0.17 * half)
+    return Surfaces.joined([trunk, branches, _leaves(rng, centres, size, SurfaceClass.FOLIAGE)])
 
 
 def conifer(
     rng: np.random.Generator, *, height: float, radius: float, leaves: float = 1.0
 ) -> Surfaces:
-    """Return a tree whose branches shorten from the ground to the tip; see `tree`."""
+    """Generate a conifer, with branches that shorten towards the tip; see `tree`."""
     joints = _leaning(rng, height)
     radii = 0.018 * height * np.array([1.2, 0.9, 0.5, 0.1])
     trunk = cones(joints[:-1], joints[1:], radii[:-1], radii[1:], SurfaceClass.TRUNK)
     count = int(rng.uniform(600, 1000) * leaves)
-    # Denser towards the outside, in whorls.
+    # In whorls, denser towards the outside.
     level = np.round(rng.random(count) * 14.0) / 14.0 + rng.normal(0.0, 0.012, count)
-    reach = radius * (1.05 - level) * np.sqrt(rng.uniform(0.05, 1.0, count))
+    distance = radius * (1.05 - level) * np.sqrt(rng.uniform(0.05, 1.0, count))
     angle = rng.uniform(0.0, 2.0 * np.pi, count)
-    z = height * (0.12 + 0.88 * np.clip(level, 0.0, 1.0)) - 0.25 * reach
-    places = np.column_stack([reach * np.cos(angle), reach * np.sin(angle), z])
+    z = height * (0.12 + 0.88 * np.clip(level, 0.0, 1.0)) - 0.25 * distance
+    centres = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), z])
     size = (0.05 * radius + 0.02) / np.sqrt(leaves)
-    return Surfaces.joined([trunk, _leaves(rng, places, size, SurfaceClass.FOLIAGE)])
+    return Surfaces.joined([trunk, _leaves(rng, centres, size, SurfaceClass.FOLIAGE)])
 
 
 def shrub(
     rng: np.random.Generator, *, radius: float, height: float, leaves: float = 1.0
 ) -> Surfaces:
-    """Return a bush: a few stems, and leaves in lumps down to the ground; see `tree`."""
+    """Generate a shrub: a few stems, and clumps of leaves down to the ground; see `tree`."""
     lumps = _in_ball(rng, 7) * [radius, radius, 0.5 * height]
     lumps[:, 2] += 0.5 * height
     stems = cones(np.tile([0.0, 0.0, -_ROOTS], (7, 1)), lumps, 0.02, 0.01, SurfaceClass.SHRUB)
     count = int(rng.uniform(180, 320) * leaves)
-    places = lumps[rng.integers(7, size=count)]
-    places = places + rng.normal(size=(count, 3)) * [0.3 * radius, 0.3 * radius, 0.18 * height]
-    places[:, 2] = np.abs(places[:, 2])
+    centres = lumps[rng.integers(7, size=count)]
+    centres = centres + rng.normal(size=(count, 3)) * [0.3 * radius, 0.3 * radius, 0.18 * height]
+    centres[:, 2] = np.abs(centres[:, 2])
     size = (0.06 * radius + 0.02) / np.sqrt(leaves)
-    return Surfaces.joined([stems, _leaves(rng, places, size, SurfaceClass.SHRUB)])
+    return Surfaces.joined([stems, _leaves(rng, centres, size, SurfaceClass.SHRUB)])
 
 
 def hedge(rng: np.random.Generator, *, length: float, width: float, height: float) -> Surfaces:
-    """Return a clipped hedge along x, dense inside and ragged outside."""
+    """Generate a clipped hedge along x, with a solid core and rough outer leaves."""
     core = boxes(
         [[0.0, 0.0, 0.5 * height - _ROOTS]],
         [[0.5 * length - 0.1, 0.5 * width - 0.12, 0.5 * height + _ROOTS - 0.12]],
@@ -94,16 +99,16 @@ def hedge(rng: np.random.Generator, *, length: float, width: float, height: floa
             rng.uniform(0.0, height, count),
         ]
     )
-    # A third of them lie on top.
+    # A third of the leaves are on top.
     top = np.arange(count) % 3 == 0
     leaves[top, 1] = rng.uniform(-0.5, 0.5, int(top.sum())) * width
     leaves[top, 2] = height + rng.normal(0.0, 0.04, int(top.sum()))
     return Surfaces.joined([core, _leaves(rng, leaves, 0.07, SurfaceClass.SHRUB)])
 
 
-def grass(rng: np.random.Generator, places: Points, height: float) -> Surfaces:
-    """Return a tuft of four blades at each of (n, 3) places."""
-    blades = np.repeat(places, 4, axis=0)
+def grass(rng: np.random.Generator, positions: Points, height: float) -> Surfaces:
+    """Generate a tuft of four blades at each of (n, 3) positions."""
+    blades = np.repeat(positions, 4, axis=0)
     n = len(blades)
     blades = blades + rng.normal(size=(n, 3)) * [0.04, 0.04, 0.0]
     angle = rng.uniform(0.0, 2.0 * np.pi, n)
@@ -118,14 +123,14 @@ def grass(rng: np.random.Generator, places: Points, height: float) -> Surfaces:
 
 
 def log(rng: np.random.Generator, *, length: float, radius: float) -> Surfaces:
-    """Return a fallen trunk along x."""
+    """Generate a fallen trunk along x."""
     rise = rng.uniform(-0.04, 0.04) * length
     ends = np.array([[-0.5 * length, 0.0, 0.7 * radius], [0.5 * length, 0.0, 0.7 * radius + rise]])
     return cones(ends[:1], ends[1:], radius, 0.7 * radius, SurfaceClass.TRUNK)
 
 
 def _leaning(rng: np.random.Generator, height: float) -> Points:
-    """Return four joints of a stem that leans a little and bends on its way up."""
+    """Return four joints of a stem that leans and bends slightly."""
     lean = rng.normal(0.0, 0.05, 2)
     heights = np.array([-_ROOTS, 0.3 * height, 0.65 * height, height])
     bends = np.zeros((4, 2))
@@ -134,15 +139,17 @@ def _leaning(rng: np.random.Generator, height: float) -> Points:
 
 
 def _in_ball(rng: np.random.Generator, count: int) -> Points:
-    """Return points spread evenly in the unit ball."""
+    """Draw points uniformly from the unit ball."""
     directions = rng.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return directions * rng.random((count, 1)) ** (1.0 / 3.0)
 
 
-def _leaves(rng: np.random.Generator, places: Points, size: float, label: SurfaceClass) -> Surfaces:
-    """Return a disc about `size` [m] in radius at each place, turned anyhow."""
-    normals: Vector = rng.normal(size=places.shape)
+def _leaves(
+    rng: np.random.Generator, centres: Points, size: float, label: SurfaceClass
+) -> Surfaces:
+    """Return a disc of about `size` [m] in radius at each centre, with a random orientation."""
+    normals: Vector = rng.normal(size=centres.shape)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    radii = size * rng.uniform(0.6, 1.5, (len(places), 2))
-    return discs(places, normals, radii, label)
+    radii = size * rng.uniform(0.6, 1.5, (len(centres), 2))
+    return discs(centres, normals, radii, label)

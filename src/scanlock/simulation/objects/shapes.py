@@ -1,11 +1,11 @@
-"""Boxes, cones, ellipsoids, discs and triangles: what every simulated thing is made of.
+"""Boxes, cones, ellipsoids, discs and triangles, of which simulated objects consist.
 
-All take lengths in metres, one row a shape, and broadcast what is given once for all. `loss` is
-the share of pulses that never return from a shape, such as the panes of a window. The new
-surfaces belong to no object yet.
+All functions take lengths in metres with one row per shape, and broadcast single values. `loss` is
+the share of pulses that a shape does not return, as for a window. The object number of the new
+surfaces is 0; see `Surfaces.as_object`.
 
-Every function raises `InvalidInput` for sizes that are not positive, coordinates that are not
-finite, or a loss outside of [0, 1].
+All functions raise `InvalidInput` for sizes that are not positive, coordinates that are not finite,
+or a loss outside of [0, 1].
 """
 
 import numpy as np
@@ -26,7 +26,17 @@ def boxes(
     rotations: ArrayLike | None = None,
     loss: float = 0.0,
 ) -> Surfaces:
-    """Return boxes of the given half extents (n, 3); `rotations` (n, 3, 3) turn their axes."""
+    """Return boxes.
+
+    Parameters
+    ----------
+    centres, half_sizes : (n, 3) [m]
+    label : SurfaceClass
+    rotations : (n, 3, 3), optional
+        Rotations from the axes of each box to those of its surroundings.
+    loss : float
+        Share of pulses that are not returned.
+    """
     _require_positive("half_sizes", half_sizes)
     return _surfaces(BOX, centres, half_sizes, label, rotations, loss)
 
@@ -39,7 +49,14 @@ def ellipsoids(
     rotations: ArrayLike | None = None,
     loss: float = 0.0,
 ) -> Surfaces:
-    """Return ellipsoids of the given half axes (n, 3); `rotations` (n, 3, 3) turn their axes."""
+    """Return ellipsoids.
+
+    Parameters
+    ----------
+    centres, half_axes : (n, 3) [m]
+    label, rotations, loss
+        As for `boxes`.
+    """
     _require_positive("half_axes", half_axes)
     return _surfaces(ELLIPSOID, centres, half_axes, label, rotations, loss)
 
@@ -53,12 +70,22 @@ def cones(
     *,
     loss: float = 0.0,
 ) -> Surfaces:
-    """Return closed cones and cylinders between (n, 3) ends; one of the radii may be zero."""
+    """Return closed, possibly truncated cones, or cylinders.
+
+    Parameters
+    ----------
+    bottoms, tops : (n, 3) [m]
+        Centres of both ends.
+    bottom_radii, top_radii : (n,) [m]
+        One of the two may be zero.
+    label, loss
+        As for `boxes`.
+    """
     bottoms = np.atleast_2d(np.asarray(bottoms, np.float64))
     axes = np.atleast_2d(np.asarray(tops, np.float64)) - bottoms
     lengths = np.linalg.norm(axes, axis=1)
     if not (lengths > 0).all():
-        raise InvalidInput("the two ends of a cone must be finite and apart")
+        raise InvalidInput("the two ends of a cone must be finite and distinct")
     radii = [
         np.broadcast_to(np.asarray(r, np.float64), len(axes)) for r in (bottom_radii, top_radii)
     ]
@@ -80,7 +107,18 @@ def discs(
     *,
     loss: float = 0.0,
 ) -> Surfaces:
-    """Return flat discs across (n, 3) normals; two `radii` a row make an ellipse."""
+    """Return flat discs or ellipses.
+
+    Parameters
+    ----------
+    centres : (n, 3) [m]
+    normals : (n, 3)
+        Normals of any length.
+    radii : (n,) or (n, 2) [m]
+        Radii of discs, or half axes of ellipses.
+    label, loss
+        As for `boxes`.
+    """
     normals = np.atleast_2d(np.asarray(normals, np.float64))
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     _require_positive("the length of a normal", lengths)
@@ -92,7 +130,15 @@ def discs(
 
 
 def triangles(corners: ArrayLike, label: SurfaceClass, *, loss: float = 0.0) -> Surfaces:
-    """Return flat triangles of (n, 3, 3) corners; none may have its corners on a line."""
+    """Return flat triangles.
+
+    Parameters
+    ----------
+    corners : (n, 3, 3) [m]
+        Three corners in rows, not collinear.
+    label, loss
+        As for `boxes`.
+    """
     corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
     first = corners[:, 1] - corners[:, 0]
     second = corners[:, 2] - corners[:, 0]
@@ -100,7 +146,7 @@ def triangles(corners: ArrayLike, label: SurfaceClass, *, loss: float = 0.0) -> 
     across = np.cross(first, second)
     double_area = np.linalg.norm(across, axis=1)
     if not (double_area > 0).all():
-        raise InvalidInput("the corners of a triangle must be finite and not lie on a line")
+        raise InvalidInput("the corners of a triangle must be finite and not collinear")
     x = first / length[:, None]
     z = across / double_area[:, None]
     y = np.cross(z, x)
@@ -123,13 +169,18 @@ def _surfaces(
     n = len(centres)
     rows = np.empty((n, COLUMNS))
     rows[:, :3] = centres
-    turned = np.eye(3) if rotations is None else np.asarray(rotations, np.float64)
-    rows[:, 3:12] = np.broadcast_to(turned, (n, 3, 3)).transpose(0, 2, 1).reshape(n, 9)
+    axes = np.eye(3) if rotations is None else np.asarray(rotations, np.float64)
+    rows[:, 3:12] = np.broadcast_to(axes, (n, 3, 3)).transpose(0, 2, 1).reshape(n, 9)
     rows[:, 12:] = np.asarray(sizes, np.float64)
     if not np.isfinite(rows).all():
         raise InvalidInput("centres, sizes and rotations of surfaces must be finite")
-    unset = np.zeros(n, np.int64)
-    return Surfaces(np.full(n, kind), rows, np.full(n, int(label)), unset, np.full(n, float(loss)))
+    return Surfaces(
+        kinds=np.full(n, kind),
+        rows=rows,
+        labels=np.full(n, int(label)),
+        objects=np.zeros(n, np.int64),
+        losses=np.full(n, float(loss)),
+    )
 
 
 def _require_positive(name: str, values: ArrayLike) -> None:
@@ -139,9 +190,9 @@ def _require_positive(name: str, values: ArrayLike) -> None:
 
 
 def _frames_along(directions: Matrix) -> NDArray[np.float64]:
-    """Return (n, 3, 3) rotations whose third column is each unit direction."""
+    """Return (n, 3, 3) rotations with the unit directions as third column."""
     a, b, c = directions.T
-    # At right angles to the direction and to z, or to x where the direction is near z.
+    # Perpendicular to the direction and to z, or to x where the direction is near z.
     steep = np.abs(c) > 0.9
     x = np.column_stack([np.where(steep, 0.0, -b), np.where(steep, -c, a), np.where(steep, b, 0.0)])
     x /= np.linalg.norm(x, axis=1, keepdims=True)

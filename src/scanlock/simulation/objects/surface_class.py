@@ -1,10 +1,10 @@
-"""What a simulated surface is."""
+"""Classes of simulated surfaces."""
 
 import enum
 
 
 class SurfaceClass(enum.IntEnum):
-    """The class of a surface, and of every point that lies on it."""
+    """Class of a surface and of the points on it."""
 
     GROUND = 0
     BUILDING = 1

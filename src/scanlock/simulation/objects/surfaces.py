@@ -1,4 +1,4 @@
-"""Many simple surfaces as arrays; `scanlock.simulation.objects.shapes` makes them."""
+"""Arrays of simple surfaces, built by the functions of `scanlock.simulation.objects.shapes`."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -13,28 +13,33 @@ from scanlock.geometry.pose import Pose
 from scanlock.kernels.simulation.ray_casting import BOX, CONE, DISC, ELLIPSOID, TRIANGLE
 
 COLUMNS = 15
-"""Numbers that place and size one surface."""
+"""Number of parameters of a surface: centre, rotation and sizes."""
 
 _BOUNDS_MARGIN = 1e-6
-"""Added around bounds [m], so that rounding cannot push a flat surface out of its own."""
+"""Margin of bounding boxes [m], so that flat surfaces are inside theirs despite rounding."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Surfaces:
-    """Rows of simple surfaces, each with a class and the object that it is part of.
+    """Simple surfaces, each with a class and the number of its object.
 
     Attributes
     ----------
     kinds : (n,)
-        Which shape each is; `rows` follow `scanlock.kernels.simulation.ray_casting`.
+        Shapes, as numbered in `scanlock.kernels.simulation.ray_casting`.
     rows : (n, 15) [m]
-        Centre, rotation from the surroundings to the surface's own axes, sizes.
+        Centre, rotation from the world to the axes of the surface, and sizes.
     labels : (n,)
-        `SurfaceClass` of each.
+        `SurfaceClass` of each surface.
     objects : (n,)
-        The number of the object that each belongs to.
+        Object number of each surface.
     losses : (n,)
-        The share of pulses that never return from it: glass, black paint.
+        Share of pulses that a surface does not return, as glass and black paint.
+
+    Raises
+    ------
+    InvalidInput
+        Arrays of inconsistent shapes.
     """
 
     kinds: Labels
@@ -59,37 +64,43 @@ class Surfaces:
 
     @classmethod
     def none(cls) -> "Surfaces":
-        """Return no surfaces at all."""
+        """Return an empty set of surfaces."""
         empty = np.empty(0, np.int64)
-        return cls(empty, np.empty((0, COLUMNS)), empty, empty, np.empty(0))
+        return cls(
+            kinds=empty,
+            rows=np.empty((0, COLUMNS)),
+            labels=empty,
+            objects=empty,
+            losses=np.empty(0),
+        )
 
     @classmethod
     def joined(cls, parts: "Iterable[Surfaces]") -> "Surfaces":
-        """Return the surfaces of all parts in order."""
+        """Concatenate the surfaces of all parts."""
         parts = [cls.none(), *parts]
         return cls(
-            np.concatenate([part.kinds for part in parts]),
-            np.concatenate([part.rows for part in parts]),
-            np.concatenate([part.labels for part in parts]),
-            np.concatenate([part.objects for part in parts]),
-            np.concatenate([part.losses for part in parts]),
+            kinds=np.concatenate([part.kinds for part in parts]),
+            rows=np.concatenate([part.rows for part in parts]),
+            labels=np.concatenate([part.labels for part in parts]),
+            objects=np.concatenate([part.objects for part in parts]),
+            losses=np.concatenate([part.losses for part in parts]),
         )
 
     def __len__(self) -> int:
         return len(self.kinds)
 
     def taken(self, index: NDArray[Any]) -> "Surfaces":
-        """Return the surfaces of an index array or mask."""
+        """Return the surfaces at an index array or mask."""
         return Surfaces(
-            self.kinds[index],
-            self.rows[index],
-            self.labels[index],
-            self.objects[index],
-            self.losses[index],
+            kinds=self.kinds[index],
+            rows=self.rows[index],
+            labels=self.labels[index],
+            objects=self.objects[index],
+            losses=self.losses[index],
         )
 
     def moved(self, pose: Pose) -> "Surfaces":
-        """Return the surfaces carried along by a rigid motion."""
+        """Return the surfaces after a rigid motion."""
         rows = np.empty_like(self.rows)
         rows[:, :3] = pose.apply(self.rows[:, :3])
         rotations = self.rows[:, 3:12].reshape(-1, 3, 3) @ pose.rotation.T
@@ -98,13 +109,13 @@ class Surfaces:
         return replace(self, rows=rows)
 
     def as_object(self, number: int) -> "Surfaces":
-        """Return the surfaces as parts of one object."""
+        """Return the surfaces with the number of one object."""
         return replace(self, objects=np.full(len(self), number))
 
     def bounds(self) -> Matrix:
-        """Return the (n, 6) smallest upright boxes around the surfaces: low xyz, high xyz [m]."""
+        """Return the (n, 6) axis-aligned bounding boxes: low x, y, z and high x, y, z [m]."""
         centres = self.rows[:, :3]
-        # Column j of `axes[i]` is the own axis j of surface i.
+        # Column j of `axes[i]` is axis j of surface i.
         axes = self.rows[:, 3:12].reshape(-1, 3, 3).transpose(0, 2, 1)
         sizes = self.rows[:, 12:]
         low = np.empty_like(centres)
@@ -141,9 +152,9 @@ def _disc_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matr
 
 def _cone_extent(axes: NDArray[np.float64], sizes: Matrix) -> tuple[Matrix, Matrix]:
     direction = axes[:, :, 2]
-    spread = np.sqrt(np.maximum(1.0 - direction**2, 0.0))
+    across = np.sqrt(np.maximum(1.0 - direction**2, 0.0))
     end = direction * sizes[:, 2:]
-    bottom, top = spread * sizes[:, :1], spread * sizes[:, 1:2]
+    bottom, top = across * sizes[:, :1], across * sizes[:, 1:2]
     return np.minimum(-end - bottom, end - top), np.maximum(-end + bottom, end + top)
 
 

@@ -1,4 +1,4 @@
-"""Cars and people. Each stands at the origin of its own frame, x ahead and z up."""
+"""Cars and pedestrians, at the origin of their own frame with x ahead and z up."""
 
 import numpy as np
 
@@ -8,7 +8,8 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
 _BODIES = {
-    # length, width, height, bonnet height, cabin from and to (fractions of the length from behind)
+    # Length, width, height and bonnet height [m]; start and end of the cabin, as shares of the
+    # length from the rear.
     "hatchback": (3.9, 1.70, 1.48, 0.90, 0.02, 0.72),
     "saloon": (4.6, 1.80, 1.45, 0.92, 0.16, 0.72),
     "estate": (4.7, 1.82, 1.50, 0.93, 0.02, 0.70),
@@ -17,11 +18,11 @@ _BODIES = {
 }
 _SHARES = (0.32, 0.24, 0.18, 0.16, 0.10)
 _GLASS = 0.6
-"""Share of pulses that go through a car's window and do not come back."""
+"""Share of pulses that the window of a car does not return."""
 
 
 def car(rng: np.random.Generator) -> Surfaces:
-    """Return a car of a random make: body, cabin, glass, wheels and mirrors."""
+    """Generate a car of a random type: body, cabin, glass, wheels and mirrors."""
     body = _BODIES[str(rng.choice(list(_BODIES), p=_SHARES))]
     length, width, height, bonnet = body[:4] * rng.normal(1.0, 0.03, 4)
     paint = float(rng.choice([0.0, 0.05, 0.35], p=[0.6, 0.25, 0.15]))
@@ -60,7 +61,7 @@ def car(rng: np.random.Generator) -> Surfaces:
 
 
 def _glass(rear: float, front: float, half: float, bonnet: float, height: float) -> Surfaces:
-    """Return slanted windscreen and rear window, and the windows of both sides."""
+    """Return windscreen, rear window and side windows."""
     rise = height - bonnet
     parts: list[Surfaces] = []
     for foot, head in ((front, front - 0.55), (rear, rear + 0.3)):
@@ -74,14 +75,14 @@ def _glass(rear: float, front: float, half: float, bonnet: float, height: float)
                 loss=_GLASS,
             )
         )
-    middle, reach = 0.5 * (rear + front) - 0.05, 0.5 * (front - rear) - 0.45
+    middle, half_length = 0.5 * (rear + front) - 0.05, 0.5 * (front - rear) - 0.45
     parts.append(
         boxes(
             [
                 [middle, half - 0.125, bonnet + 0.5 * rise],
                 [middle, 0.125 - half, bonnet + 0.5 * rise],
             ],
-            [reach, 0.01, 0.35 * rise],
+            [half_length, 0.01, 0.35 * rise],
             SurfaceClass.CAR,
             loss=_GLASS,
         )
@@ -98,7 +99,7 @@ def _wheels(length: float, half: float) -> Surfaces:
 
 
 def person(rng: np.random.Generator) -> Surfaces:
-    """Return somebody on foot, in mid-stride."""
+    """Generate a walking pedestrian."""
     height = rng.uniform(1.55, 1.92)
     stride = rng.uniform(0.1, 0.3)
     hips = 0.5 * height

@@ -1,4 +1,4 @@
-"""Uneven ground: a grid of heights, bilinear between them."""
+"""Terrain as a grid of heights with bilinear interpolation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,21 +14,23 @@ from scanlock.kernels.simulation.ray_ground import TILE
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeightField:
-    """The height of the ground over a rectangle of the x-y plane.
+    """Heights of the ground over a rectangle of the x-y plane.
 
     Attributes
     ----------
     heights : (m, n) [m]
-        ``heights[i, j]`` stands at ``corner + cell * (i, j)``; at least 2 x 2.
+        ``heights[i, j]`` is the height at ``corner + cell * (i, j)``; at least 2 x 2.
     corner : (2,) [m]
-        Where the first height stands.
+        Position of the first height.
     cell : float [m]
         Distance between neighbouring heights.
+    tops : (p, q) [m]
+        Maximum height of each tile of cells, for ray casting.
 
     Raises
     ------
     InvalidInput
-        Fewer than 2 x 2 heights, a height that is not finite, a cell that is not positive.
+        Fewer than 2 x 2 heights, values that are not finite, or a cell that is not positive.
     """
 
     heights: Matrix
@@ -58,20 +60,20 @@ class HeightField:
         high: ArrayLike,
         cell: float,
     ) -> "HeightField":
-        """Return the ground ``height(places)`` of the rectangle from `low` to at least `high`."""
+        """Sample a function of (n, 2) positions on the rectangle from `low` to at least `high`."""
         corner = np.asarray(low, np.float64)
         counts = np.ceil((np.asarray(high, np.float64) - corner) / cell).astype(int) + 1
         i, j = np.indices(tuple(counts))
-        places = corner + cell * np.column_stack([i.ravel(), j.ravel()])
-        return cls(height(places).reshape(i.shape), corner, cell)
+        positions = corner + cell * np.column_stack([i.ravel(), j.ravel()])
+        return cls(height(positions).reshape(i.shape), corner, cell)
 
-    def at(self, places: Matrix) -> Vector:
-        """Return the height [m] under (n, 2+) places; past the edge, that of the edge."""
-        places = np.asarray(places, np.float64)
+    def at(self, positions: Matrix) -> Vector:
+        """Return the (n,) heights [m] at (n, 2+) positions; outside, those of the nearest edge."""
+        positions = np.asarray(positions, np.float64)
         last = np.array(self.heights.shape) - 1
-        at = np.clip((places[:, :2] - self.corner) / self.cell, 0.0, last)
-        low = np.minimum(at.astype(np.int64), last - 1)
-        u, v = (at - low).T
+        index = np.clip((positions[:, :2] - self.corner) / self.cell, 0.0, last)
+        low = np.minimum(index.astype(np.int64), last - 1)
+        u, v = (index - low).T
         i, j = low.T
         h = self.heights
         return (
@@ -81,17 +83,17 @@ class HeightField:
             + u * v * h[i + 1, j + 1]
         )
 
-    def lifted(self, places: Matrix) -> Points:
-        """Return the (n, 3) points of the ground at (n, 2+) places."""
-        places = np.asarray(places, np.float64)
-        return np.column_stack([places[:, :2], self.at(places)])
+    def lifted(self, positions: Matrix) -> Points:
+        """Return the (n, 3) points on the ground at (n, 2+) positions."""
+        positions = np.asarray(positions, np.float64)
+        return np.column_stack([positions[:, :2], self.at(positions)])
 
     def __reduce__(self) -> tuple[Any, ...]:
         return HeightField, (np.array(self.heights), np.array(self.corner), self.cell)
 
 
 def _tops(heights: Matrix) -> Matrix:
-    """Return the highest of every tile of cells, the heights on its border included."""
+    """Return the maximum height of each tile of cells, including the heights on its border."""
     rows, columns = (-(-(length - 1) // TILE) for length in heights.shape)
     tops = np.empty((rows, columns))
     for i in range(rows):

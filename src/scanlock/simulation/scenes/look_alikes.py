@@ -1,7 +1,7 @@
-"""Worlds that look alike from more than one place: what a registration cannot tell apart.
+"""Worlds with ambiguous poses: scans from different poses are the same.
 
-Each is centred on the origin, where its floor has z = 0, and reaches farther than any sensor of
-`SENSORS` sees from near the origin, so that nothing but its own kind is in view.
+Each world is centred on the origin, has its floor at z = 0 and extends beyond the range of all
+`SENSORS`, so that its ends are not visible from near the origin.
 """
 
 import math
@@ -15,57 +15,62 @@ from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.world import World
 
-_REACH = 300.0
-"""Half the length of what is to seem endless [m]; sensors see 120 m."""
+_HALF_LENGTH = 300.0
+"""Half length of worlds that stand for endless ones [m]; sensors have a range of 120 m."""
 
 
 def open_field() -> World:
-    """Return level ground and nothing else: x, y and yaw cannot be told."""
+    """Return level ground only: x, y and yaw are unobservable."""
     return World.of((), _floor())
 
 
 def corridor(width: float = 3.0, height: float = 2.6) -> World:
-    """Return an endless corridor along x, with floor and ceiling: x cannot be told."""
+    """Return an endless corridor along x, with floor and ceiling: x is unobservable."""
     require_positive("width", width, unit="m")
     require_positive("height", height, unit="m")
     middles = [(0.0, 0.5 * width + 0.1), (0.0, -0.5 * width - 0.1)]
-    walls = [((x, y, 0.5 * height), (_REACH, 0.1, 0.5 * height)) for x, y in middles]
-    ceiling = ((0.0, 0.0, height + 0.1), (_REACH, 0.5 * width + 0.2, 0.1))
+    walls = [((x, y, 0.5 * height), (_HALF_LENGTH, 0.1, 0.5 * height)) for x, y in middles]
+    ceiling = ((0.0, 0.0, height + 0.1), (_HALF_LENGTH, 0.5 * width + 0.2, 0.1))
     return World.of(_boxes([*walls, ceiling]), _floor())
 
 
 def tunnel(radius: float = 4.0, sides: int = 48) -> World:
-    """Return an endless round tunnel along x, its axis at z = 0: x and roll cannot be told."""
+    """Return an endless round tunnel along x, its axis at z = 0: x and roll are unobservable."""
     return World.of(_tube(radius, sides, axis=0))
 
 
 def shaft(radius: float = 8.0, sides: int = 96) -> World:
-    """Return a round room about z on level ground, like a silo: yaw cannot be told."""
+    """Return a round room about z on level ground: yaw is unobservable."""
     return World.of(_tube(radius, sides, axis=2), _floor())
 
 
 def crossing(street: float = 14.0, block: float = 30.0, height: float = 9.0) -> World:
-    """Return a crossing of four equal streets: quarter turns cannot be told apart."""
+    """Return a crossing of four equal streets: poses that differ by quarter turns are ambiguous."""
     for name, value in (("street", street), ("block", block), ("height", height)):
         require_positive(name, value, unit="m")
     middle = 0.5 * (street + block)
-    places = [(x, y) for x in (-middle, middle) for y in (-middle, middle)]
+    centres = [(x, y) for x in (-middle, middle) for y in (-middle, middle)]
     size = (0.5 * block, 0.5 * block, 0.5 * height)
-    return World.of(_boxes([((x, y, 0.5 * height), size) for x, y in places]), _floor())
+    return World.of(_boxes([((x, y, 0.5 * height), size) for x, y in centres]), _floor())
 
 
 def terrace(spacing: float = 8.0, street: float = 12.0) -> World:
-    """Return an endless street along x of equal houses: steps of `spacing` cannot be told apart."""
+    """Return an endless street of equal houses along x: shifts by `spacing` [m] are ambiguous."""
     require_positive("spacing", spacing, unit="m")
     require_positive("street", street, unit="m")
-    along = np.arange(-math.floor(_REACH / spacing), math.floor(_REACH / spacing) + 1) * spacing
+    along = (
+        np.arange(-math.floor(_HALF_LENGTH / spacing), math.floor(_HALF_LENGTH / spacing) + 1)
+        * spacing
+    )
     house = (0.35 * spacing, 4.0, 3.5)
     sides = (0.5 * street + house[1], -0.5 * street - house[1])
     return World.of(_boxes([((x, y, house[2]), house) for x in along for y in sides]), _floor())
 
 
 def _floor() -> HeightField:
-    return HeightField(np.zeros((2, 2)), np.array([-_REACH, -_REACH]), 2.0 * _REACH)
+    return HeightField(
+        np.zeros((2, 2)), np.array([-_HALF_LENGTH, -_HALF_LENGTH]), 2.0 * _HALF_LENGTH
+    )
 
 
 def _boxes(parts: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> Surfaces:
@@ -74,7 +79,7 @@ def _boxes(parts: list[tuple[tuple[float, float, float], tuple[float, float, flo
 
 
 def _tube(radius: float, sides: int, axis: int) -> Surfaces:
-    """Return the walls of an endless prism about an axis of the world."""
+    """Return the walls of an endless prism about a coordinate axis."""
     require_positive("radius", radius, unit="m")
     require_count("sides", sides, minimum=3)
     angles = np.linspace(0.0, 2.0 * math.pi, sides + 1)
@@ -84,7 +89,7 @@ def _tube(radius: float, sides: int, axis: int) -> Surfaces:
         axis=1,
     )
     away = np.zeros(3)
-    away[axis] = _REACH
+    away[axis] = _HALF_LENGTH
     near, far = ring - away, ring + away
     corners = np.concatenate(
         [

@@ -1,4 +1,4 @@
-"""What stands beside the streets of a block: houses, gardens, yards and what is behind them."""
+"""Plots along the streets of a block: houses, gardens and yards, and the land behind them."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ from scanlock.arrays import Vector
 from scanlock.simulation.objects import buildings, furniture, plants, traffic
 from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scenes.roads import PAVEMENT, Road, RoadNetwork
-from scanlock.simulation.scenes.site import Site, parked, standing
-from scanlock.simulation.scenes.stage import Stage
+from scanlock.simulation.scenes.site import Site, car_pose, upright_pose
+from scanlock.simulation.scenes.world_builder import WorldBuilder
 
-_CLOSE = 25.0
-"""Plants farther from a street than this [m] have fewer and larger leaves."""
+_DETAIL_DISTANCE = 25.0
+"""Distance from a street beyond which plants have fewer and larger leaves [m]."""
 
-_FAR = 80.0
-"""Nothing stands farther from a street than this [m]."""
+_MAX_DISTANCE = 80.0
+"""Maximum distance of objects from a street [m]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class _Plot:
-    """A stretch of one side of a road: x along it, y away from it."""
+    """A section of one side of a road, with x along and y away from it."""
 
     road: Road
     side: float
@@ -32,99 +32,102 @@ class _Plot:
         heading = float(self.road.track.heading(self.along)[0])
         return heading if self.side > 0 else heading + np.pi
 
-    def place(self, x: float, y: float) -> Vector:
-        """Return the (2,) place x to the left or right of the middle, y behind the kerb."""
+    def position(self, x: float, y: float) -> Vector:
+        """Return the (2,) position at x [m] from the middle and y [m] behind the kerb."""
         along = self.along + self.side * x
         return self.road.track.at(along, self.side * (self.road.half_width + y))[0]
 
 
-class _Builder:
-    """Puts things on plots, each on free ground and at the height of the ground."""
+class _PlotBuilder:
+    """Generator of the objects on plots, which stand on the ground and do not overlap."""
 
     def __init__(
-        self, rng: np.random.Generator, stage: Stage, site: Site, roads: RoadNetwork
+        self, rng: np.random.Generator, builder: WorldBuilder, site: Site, roads: RoadNetwork
     ) -> None:
         self.rng = rng
-        self._stage = stage
+        self._builder = builder
         self._site = site
         self._roads = roads
 
-    def put(
+    def add(
         self,
-        thing: Surfaces,
-        place: Vector,
+        surfaces: Surfaces,
+        position: Vector,
         yaw: float,
         size: tuple[float, float],
         origin: float = 0.0,
         margin: float = 0.0,
     ) -> bool:
-        """Put a thing down if its footprint, `origin` [m] behind its place, is free."""
-        middle = place + origin * np.array([-np.sin(yaw), np.cos(yaw)])
+        """Add an object if its footprint, centred `origin` [m] behind it, is free."""
+        middle = position + origin * np.array([-np.sin(yaw), np.cos(yaw)])
         if not self._site.claim(middle, yaw, *size, margin=margin):
             return False
-        height = self._roads.level(np.atleast_2d(place))[0]
-        self._stage.put(thing, standing(np.array([*place, height]), yaw))
+        height = self._roads.surface_height(np.atleast_2d(position))[0]
+        self._builder.add(surfaces, upright_pose(np.array([*position, height]), yaw))
         return True
 
-    def park(self, place: Vector, yaw: float) -> bool:
-        """Park a car if there is room."""
-        if not self._site.claim(place, yaw, 4.6, 1.8):
+    def park(self, position: Vector, yaw: float) -> bool:
+        """Add a parked car if its footprint is free."""
+        if not self._site.claim(position, yaw, 4.6, 1.8):
             return False
-        self._stage.put(traffic.car(self.rng), parked(self._roads.level, place, yaw))
+        pose = car_pose(self._roads.surface_height, position, yaw)
+        self._builder.add(traffic.car(self.rng), pose)
         return True
 
     def house(self, plot: _Plot, setback: float) -> bool:
-        """Build a house on a plot, a smaller one where a large one does not fit."""
+        """Add a house to a plot, a smaller one where a large one does not fit."""
         rng = self.rng
         storeys = int(rng.choice([1, 2, 3, 4], p=[0.15, 0.4, 0.3, 0.15]))
         for shrink in (1.0, 0.65):
             width, depth = shrink * plot.width, shrink * rng.uniform(8.0, 14.0)
-            thing = buildings.house(
+            house = buildings.house(
                 rng, width=width, depth=depth, storeys=storeys, forecourt=setback - PAVEMENT
             )
             yaw = plot.yaw + rng.normal(0.0, 0.03)
             size = (width - 0.6, depth - 0.6)
-            if self.put(thing, plot.place(0.0, setback), yaw, size, 0.5 * depth):
+            if self.add(house, plot.position(0.0, setback), yaw, size, 0.5 * depth):
                 return True
         return False
 
-    def tree(self, place: Vector, leaves: float = 1.0) -> None:
-        """Plant a tree of some kind."""
+    def tree(self, position: Vector, leaves: float = 1.0) -> None:
+        """Add a broad-leaved tree or a conifer."""
         rng = self.rng
         height = rng.uniform(3.5, 12.0)
         if rng.random() < 0.25:
-            thing = plants.conifer(
+            tree = plants.conifer(
                 rng, height=height, radius=height * rng.uniform(0.15, 0.25), leaves=leaves
             )
         else:
-            thing = plants.tree(
+            tree = plants.tree(
                 rng,
                 height=height,
                 crown_radius=height * rng.uniform(0.2, 0.35),
                 trunk_radius=0.02 * height * rng.uniform(0.7, 1.4),
                 leaves=leaves,
             )
-        self.put(thing, place, rng.uniform(0.0, 2.0 * np.pi), (1.2, 1.2))
+        self.add(tree, position, rng.uniform(0.0, 2.0 * np.pi), (1.2, 1.2))
 
-    def bush(self, place: Vector, leaves: float = 1.0) -> None:
-        """Plant a bush."""
+    def shrub(self, position: Vector, leaves: float = 1.0) -> None:
+        """Add a shrub."""
         radius = self.rng.uniform(0.35, 1.1)
         height = radius * self.rng.uniform(1.0, 2.0)
-        thing = plants.shrub(self.rng, radius=radius, height=height, leaves=leaves)
-        self.put(thing, place, self.rng.uniform(0.0, 2.0 * np.pi), (radius, radius))
+        shrub = plants.shrub(self.rng, radius=radius, height=height, leaves=leaves)
+        self.add(shrub, position, self.rng.uniform(0.0, 2.0 * np.pi), (radius, radius))
 
 
-def build_plots(rng: np.random.Generator, stage: Stage, site: Site, roads: RoadNetwork) -> None:
-    """Build up both sides of every road, and then the land behind."""
-    builder = _Builder(rng, stage, site, roads)
+def build_plots(
+    rng: np.random.Generator, world_builder: WorldBuilder, site: Site, roads: RoadNetwork
+) -> None:
+    """Add plots on both sides of every road, and then objects on the land behind them."""
+    builder = _PlotBuilder(rng, world_builder, site, roads)
     for road in roads.roads:
         for side in (-1.0, 1.0):
             along = rng.uniform(0.0, 6.0)
             setback = rng.uniform(PAVEMENT + 0.3, 6.0)
             while along < road.track.length - 5.0:
                 width = rng.uniform(7.0, 19.0)
-                plot = _Plot(road, side, along + 0.5 * width, width)
-                # Neighbours line up more often than not.
+                plot = _Plot(road=road, side=side, along=along + 0.5 * width, width=width)
+                # Half of the houses are in line with their neighbours.
                 if rng.random() < 0.5:
                     setback = rng.uniform(PAVEMENT + 0.3, 9.0)
                 _build_plot(builder, plot, setback + rng.normal(0.0, 0.25))
@@ -133,7 +136,7 @@ def build_plots(rng: np.random.Generator, stage: Stage, site: Site, roads: RoadN
     _fill_hinterland(builder, site, roads)
 
 
-def _build_plot(builder: _Builder, plot: _Plot, setback: float) -> None:
+def _build_plot(builder: _PlotBuilder, plot: _Plot, setback: float) -> None:
     rng = builder.rng
     setback = max(setback, PAVEMENT + 0.3)
     if rng.random() < 0.8 and builder.house(plot, setback):
@@ -143,77 +146,79 @@ def _build_plot(builder: _Builder, plot: _Plot, setback: float) -> None:
     if rng.random() < 0.3 and setback > 5.5:
         x = rng.uniform(-0.4, 0.4) * plot.width
         yaw = plot.yaw + 0.5 * np.pi + rng.normal(0.0, 0.05)
-        builder.park(plot.place(x, setback - 2.6), yaw)
+        builder.park(plot.position(x, setback - 2.6), yaw)
 
 
-def _edge_garden(builder: _Builder, plot: _Plot, setback: float) -> None:
-    """Put hedge, fence, wall or bushes between pavement and house, and plants behind them."""
+def _edge_garden(builder: _PlotBuilder, plot: _Plot, setback: float) -> None:
+    """Add a hedge, fence, wall or shrubs between pavement and house, and plants behind them."""
     rng = builder.rng
     y = PAVEMENT + rng.uniform(0.45, 0.8)
     if setback > y + 0.8:
         length = plot.width * rng.uniform(0.35, 0.8)
         x = rng.uniform(-0.5, 0.5) * (plot.width - length)
         kind = rng.choice(
-            ["hedge", "fence", "wall", "bushes", "none"], p=[0.25, 0.15, 0.15, 0.3, 0.15]
+            ["hedge", "fence", "wall", "shrubs", "none"], p=[0.25, 0.15, 0.15, 0.3, 0.15]
         )
-        place = plot.place(x, y)
+        position = plot.position(x, y)
         if kind == "hedge":
             width, height = rng.uniform(0.5, 0.9), rng.uniform(0.7, 1.9)
-            thing = plants.hedge(rng, length=length, width=width, height=height)
-            builder.put(thing, place, plot.yaw, (length, 0.4))
+            hedge = plants.hedge(rng, length=length, width=width, height=height)
+            builder.add(hedge, position, plot.yaw, (length, 0.4))
         elif kind == "fence":
-            builder.put(furniture.fence(rng, length=length), place, plot.yaw, (length, 0.2))
+            fence = furniture.fence(rng, length=length)
+            builder.add(fence, position, plot.yaw, (length, 0.2))
         elif kind == "wall":
-            builder.put(furniture.garden_wall(rng, length=length), place, plot.yaw, (length, 0.2))
-        elif kind == "bushes":
+            wall = furniture.garden_wall(rng, length=length)
+            builder.add(wall, position, plot.yaw, (length, 0.2))
+        elif kind == "shrubs":
             for _ in range(int(rng.integers(1, 6))):
-                builder.bush(
-                    plot.place(rng.uniform(-0.5, 0.5) * plot.width, y + rng.uniform(0, 0.8))
+                builder.shrub(
+                    plot.position(rng.uniform(-0.5, 0.5) * plot.width, y + rng.uniform(0, 0.8))
                 )
     if setback > 4.5:
         for _ in range(int(rng.integers(0, 5))):
             x, depth = rng.uniform(-0.5, 0.5) * plot.width, rng.uniform(y + 0.7, setback - 0.7)
-            pick = builder.tree if rng.random() < 0.4 else builder.bush
-            pick(plot.place(x, depth))
+            add = builder.tree if rng.random() < 0.4 else builder.shrub
+            add(plot.position(x, depth))
 
 
-def _leave_open(builder: _Builder, plot: _Plot) -> None:
-    """Leave a plot to trees and bushes, or to parked cars."""
+def _leave_open(builder: _PlotBuilder, plot: _Plot) -> None:
+    """Add trees and shrubs, or parked cars, to a plot without a house."""
     rng = builder.rng
     if rng.random() < 0.3:
         for x in np.arange(-0.5 * plot.width + 1.5, 0.5 * plot.width - 1.0, rng.uniform(2.5, 3.1)):
             if rng.random() < 0.75:
                 yaw = plot.yaw + rng.choice([-0.5, 0.5]) * np.pi + rng.normal(0.0, 0.03)
-                place = plot.place(float(x), PAVEMENT + 4.5 + rng.normal(0.0, 0.3))
-                builder.park(place, yaw)
+                position = plot.position(float(x), PAVEMENT + 4.5 + rng.normal(0.0, 0.3))
+                builder.park(position, yaw)
         return
     for _ in range(int(rng.integers(2, 8))):
-        place = plot.place(rng.uniform(-0.5, 0.5) * plot.width, rng.uniform(3.0, 14.0))
-        pick = builder.tree if rng.random() < 0.5 else builder.bush
-        pick(place)
+        position = plot.position(rng.uniform(-0.5, 0.5) * plot.width, rng.uniform(3.0, 14.0))
+        add = builder.tree if rng.random() < 0.5 else builder.shrub
+        add(position)
 
 
-def _fill_hinterland(builder: _Builder, site: Site, roads: RoadNetwork) -> None:
-    """Scatter houses, sheds, trees and bushes over the land behind the first row."""
+def _fill_hinterland(builder: _PlotBuilder, site: Site, roads: RoadNetwork) -> None:
+    """Add houses, sheds, trees and shrubs to the land behind the first row."""
     rng = builder.rng
-    places = rng.uniform(site.low, site.high, (1900, 2))
-    gaps = roads.gap(places)
-    behind = (gaps > 8.0) & (gaps < _FAR)
-    for place, gap in zip(places[behind], gaps[behind], strict=True):
+    positions = rng.uniform(site.low, site.high, (1900, 2))
+    distances = roads.kerb_distance(positions)
+    behind = (distances > 8.0) & (distances < _MAX_DISTANCE)
+    for position, distance in zip(positions[behind], distances[behind], strict=True):
         kind = rng.random()
-        leaves = 1.0 if gap < _CLOSE else 0.3
-        if kind < 0.25 and gap > 24.0:
+        leaves = 1.0 if distance < _DETAIL_DISTANCE else 0.3
+        if kind < 0.25 and distance > 24.0:
             width, depth = rng.uniform(8.0, 24.0), rng.uniform(8.0, 16.0)
             storeys = int(rng.integers(1, 6))
-            thing = buildings.house(rng, width=width, depth=depth, storeys=storeys, forecourt=2.0)
+            house = buildings.house(rng, width=width, depth=depth, storeys=storeys, forecourt=2.0)
             yaw = rng.uniform(0.0, 2.0 * np.pi)
-            builder.put(thing, place, yaw, (width, depth), 0.5 * depth, margin=2.0)
+            builder.add(house, position, yaw, (width, depth), 0.5 * depth, margin=2.0)
         elif kind < 0.32:
             width, depth = rng.uniform(2.5, 7.0), rng.uniform(2.5, 6.5)
-            thing = buildings.shed(rng, width=width, depth=depth)
+            shed = buildings.shed(rng, width=width, depth=depth)
             yaw = rng.uniform(0.0, 2.0 * np.pi)
-            builder.put(thing, place, yaw, (width, depth), 0.5 * depth, margin=0.5)
+            builder.add(shed, position, yaw, (width, depth), 0.5 * depth, margin=0.5)
         elif kind < 0.7:
-            builder.tree(place, leaves)
+            builder.tree(position, leaves)
         else:
-            builder.bush(place, leaves)
+            builder.shrub(position, leaves)

@@ -1,4 +1,4 @@
-"""A block of streets: a loop, side streets off it, kerbs, pavements and the ground below."""
+"""Road network of a block: a loop, side streets, kerbs, pavements and the terrain below."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ from scanlock.simulation.objects.shapes import triangles
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scenes.height_field import HeightField
-from scanlock.simulation.scenes.terrain import Waves, ramp
 from scanlock.simulation.scenes.track import Track
+from scanlock.simulation.waves import Waves, smoothstep
 
 KERB = 0.13
 """Height of a pavement above the road [m]."""
@@ -19,30 +19,33 @@ KERB = 0.13
 PAVEMENT = 2.2
 """Width of a pavement [m]."""
 
-_REACH = 85.0
-"""Farther from a road than this [m] it does not matter how far."""
+_MAX_DISTANCE = 85.0
+"""Maximum distance from a road that is computed [m]."""
 
 _PIECE = 1.5
-"""Length of a piece of kerb [m]."""
+"""Length of a segment of kerb [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Road:
-    """A street: its centre line and half its width between the kerbs [m]."""
+    """A street between two kerbs."""
 
     track: Track
+    """Centre line."""
+
     half_width: float
+    """Half the distance between the kerbs [m]."""
 
 
 class RoadNetwork:
-    """A loop of street with side streets, and how high the ground is about them.
+    """A closed street with side streets, and the terrain around them.
 
     Attributes
     ----------
     roads : list of Road
-        The loop first, run anticlockwise, then the side streets, each starting at the loop.
+        The anticlockwise loop, then the side streets, which begin at the loop.
     low, high : (2,) [m]
-        Corners of the land around them.
+        Corners of the terrain.
     """
 
     def __init__(self, rng: np.random.Generator, margin: float) -> None:
@@ -50,8 +53,8 @@ class RoadNetwork:
         self.roads = [loop, *_side_roads(rng, loop)]
         self.low = loop.track.points.min(axis=0) - margin
         self.high = loop.track.points.max(axis=0) + margin
-        self._gaps = HeightField.sampled(
-            lambda places: _gap_to(self.roads, places), self.low, self.high, cell=1.0
+        self._distances = HeightField.sampled(
+            lambda positions: _kerb_distance(self.roads, positions), self.low, self.high, cell=1.0
         )
         self._hills = Waves.drawn(rng, rng.uniform(0.8, 1.6), 120.0, 400.0)
         self._roughness = Waves.drawn(rng, 0.006, 2.0, 8.0)
@@ -59,40 +62,40 @@ class RoadNetwork:
 
     @property
     def loop(self) -> Road:
-        """The street that leads back to its start."""
+        """The closed street."""
         return self.roads[0]
 
-    def gap(self, places: Matrix) -> Vector:
-        """Return how far (n, 2+) places are from the nearest kerb, negative on a road [m].
+    def kerb_distance(self, positions: Matrix) -> Vector:
+        """Return the (n,) distances from the nearest kerb, negative on a road [m].
 
-        Interpolated from a grid of a metre, so good to centimetres near a road.
+        They are interpolated from a grid of 1 m, with errors of centimetres near a road.
         """
-        return self._gaps.at(places)
+        return self._distances.at(positions)
 
-    def gap_to_others(self, road: Road, places: Matrix) -> Vector:
-        """Return the same with one road left out."""
-        return _gap_to([other for other in self.roads if other is not road], places)
+    def other_kerb_distance(self, road: Road, positions: Matrix) -> Vector:
+        """Return the (n,) distances from the nearest kerb of all other roads [m]."""
+        return _kerb_distance([other for other in self.roads if other is not road], positions)
 
-    def height(self, places: Matrix) -> Vector:
-        """Return the height of the bare ground (n,), which the pavements cover in part [m]."""
-        return self._height(places, self.gap(places))
+    def terrain_height(self, positions: Matrix) -> Vector:
+        """Return the (n,) heights of the terrain, without the pavements above it [m]."""
+        return self._height(positions, self.kerb_distance(positions))
 
-    def level(self, places: Matrix) -> Vector:
-        """Return the height (n,) of what one stands on: ground or pavement [m]."""
-        gaps = self.gap(places)
-        paved = (gaps > 0) & (gaps < PAVEMENT)
-        return np.where(paved, self._hills.at(places) + KERB, self._height(places, gaps))
+    def surface_height(self, positions: Matrix) -> Vector:
+        """Return the (n,) heights of the terrain or the pavement [m]."""
+        distances = self.kerb_distance(positions)
+        paved = (distances > 0) & (distances < PAVEMENT)
+        return np.where(paved, self._hills.at(positions) + KERB, self._height(positions, distances))
 
-    def _height(self, places: Matrix, gaps: Vector) -> Vector:
-        # The step up to the lawns hides below the pavement.
-        raised = (KERB - 0.015) * ramp(gaps, 0.3, 1.4)
-        camber = 0.015 * np.maximum(-gaps, 0.0)
-        rough = self._roughness.at(places) * ramp(-gaps, 0.0, 0.5)
-        lawn = self._lawns.at(places) * ramp(gaps, PAVEMENT + 0.3, PAVEMENT + 2.0)
-        return self._hills.at(places) + raised + camber + rough + lawn
+    def _height(self, positions: Matrix, distances: Vector) -> Vector:
+        # The step up to the lawns is below the pavement.
+        step = (KERB - 0.015) * smoothstep(distances, 0.3, 1.4)
+        camber = 0.015 * np.maximum(-distances, 0.0)
+        rough = self._roughness.at(positions) * smoothstep(-distances, 0.0, 0.5)
+        lawn = self._lawns.at(positions) * smoothstep(distances, PAVEMENT + 0.3, PAVEMENT + 2.0)
+        return self._hills.at(positions) + step + camber + rough + lawn
 
     def pavements(self) -> Surfaces:
-        """Return kerbs and pavements along both sides of every road, open where roads meet."""
+        """Return kerbs and pavements on both sides of every road, with openings at junctions."""
         parts: list[Surfaces] = []
         for road in self.roads:
             along = np.arange(0.0, road.track.length, _PIECE)
@@ -108,40 +111,40 @@ class RoadNetwork:
     def _strip(self, road: Road, edges: list[Matrix]) -> Surfaces:
         inner, outer = edges
         middle = 0.5 * (inner + outer)
-        others = self.gap_to_others(road, 0.5 * (middle[:-1] + middle[1:]))
-        own = self.gap(middle[:-1])
+        others = self.other_kerb_distance(road, 0.5 * (middle[:-1] + middle[1:]))
+        own = self.kerb_distance(middle[:-1])
         kept = np.flatnonzero((others > 0.2) & (own > 0.2))
-        base = self._lifted(inner, -0.1)
-        low, high = self._lifted(inner, KERB), self._lifted(outer, KERB)
+        base = self._above_hills(inner, -0.1)
+        low, high = self._above_hills(inner, KERB), self._above_hills(outer, KERB)
         top = _quads(low[:-1], low[1:], high[1:], high[:-1], kept)
         face = _quads(base[:-1], base[1:], low[1:], low[:-1], kept)
         return Surfaces.joined(
             [triangles(top, SurfaceClass.GROUND), triangles(face, SurfaceClass.KERB)]
         )
 
-    def _lifted(self, places: Matrix, above: float) -> Points:
-        return np.column_stack([places, self._hills.at(places) + above])
+    def _above_hills(self, positions: Matrix, height: float) -> Points:
+        return np.column_stack([positions, self._hills.at(positions) + height])
 
 
-def _gap_to(roads: list[Road], places: Matrix) -> Vector:
-    """Return how far (n, 2) places are from the nearest kerb of some roads, at most `_REACH`."""
-    gaps = np.full(len(places), _REACH)
+def _kerb_distance(roads: list[Road], positions: Matrix) -> Vector:
+    """Return the (n,) distances from the nearest kerb of some roads, at most `_MAX_DISTANCE`."""
+    nearest = np.full(len(positions), _MAX_DISTANCE)
     for road in roads:
         tree = KDTree(road.track.points)
-        distances, _ = tree.query(places, distance_upper_bound=_REACH + road.half_width)
-        gaps = np.minimum(gaps, distances - road.half_width)
-    return gaps
+        distances, _ = tree.query(positions, distance_upper_bound=_MAX_DISTANCE + road.half_width)
+        nearest = np.minimum(nearest, distances - road.half_width)
+    return nearest
 
 
 def _quads(a: Points, b: Points, c: Points, d: Points, kept: np.ndarray) -> Points:
-    """Return the corners of two triangles for each kept quadrilateral abcd."""
+    """Return the corners of two triangles for each selected quadrilateral abcd."""
     first = np.stack([a, b, c], axis=1)[kept]
     second = np.stack([a, c, d], axis=1)[kept]
     return np.concatenate([first, second])
 
 
 def _loop(rng: np.random.Generator) -> Track:
-    """Return the centre line around an uneven block, about 850 m long."""
+    """Generate the centre line around an irregular block, of about 850 m."""
     half = np.array([rng.uniform(115.0, 140.0), rng.uniform(70.0, 90.0)])
     # fmt: off
     corners = np.array([[-1, -1], [-0.3, -1], [0.3, -1], [1, -1], [1, 0],
@@ -151,7 +154,7 @@ def _loop(rng: np.random.Generator) -> Track:
 
 
 def _side_roads(rng: np.random.Generator, loop: Road) -> list[Road]:
-    """Return streets that leave the loop outwards, and some across the block."""
+    """Generate streets outwards from the loop, and some across the block."""
     roads: list[Road] = []
     along = rng.uniform(15.0, 40.0)
     while along < loop.track.length - 25.0:
@@ -169,10 +172,10 @@ def _side_road(rng: np.random.Generator, loop: Road, along: float, side: float) 
     start = loop.track.at(along)[0]
     angle = loop.track.heading(along)[0] + side * 0.5 * np.pi + rng.uniform(-0.25, 0.25)
     direction = np.array([np.cos(angle), np.sin(angle)])
-    reach = 105.0
+    length = 105.0
     if side > 0:
-        # Into the block: as far as the street on the other side of it.
+        # Across the block, up to the street on its other side.
         away = np.arange(25.0, 320.0, 1.0)
         nearest = KDTree(loop.track.points).query(start + away[:, None] * direction)[0]
-        reach = away[np.argmax(nearest < 2.0)] if (nearest < 2.0).any() else 60.0
-    return Road(Track.straight(start, start + reach * direction), rng.uniform(2.8, 3.5))
+        length = away[np.argmax(nearest < 2.0)] if (nearest < 2.0).any() else 60.0
+    return Road(Track.straight(start, start + length * direction), rng.uniform(2.8, 3.5))

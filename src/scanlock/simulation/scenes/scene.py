@@ -1,4 +1,4 @@
-"""A world together with the way through it."""
+"""Scene: a world with a track through it and a vehicle."""
 
 from dataclasses import dataclass
 
@@ -12,17 +12,19 @@ from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.world import World
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Scene:
-    """A world, a track through it that is free to drive, and what drives there.
+    """A world, a collision-free track through it, and the vehicle on it.
 
     Attributes
     ----------
     name : str
+        Name of the scene.
     world : World
     track : Track
-        Keeps clear of everything that stands still, and of traffic that is timed with it.
+        Path free of static objects, and of moving objects at the times of a drive.
     carrier : Carrier
+        Vehicle with the sensor.
     """
 
     name: str
@@ -32,20 +34,32 @@ class Scene:
 
     @property
     def ground(self) -> HeightField:
-        """What the wheels stand on."""
+        """Terrain of the world."""
         if self.world.ground is None:
-            raise InvalidInput(f"the world of scene {self.name} has no ground to drive on")
+            raise InvalidInput(
+                f"the world of scene {self.name} must have ground to drive on, got none"
+            )
         return self.world.ground
 
     def drive(
         self, rng: np.random.Generator, *, count: int, spacing: float, start: float = 0.0
     ) -> Drive:
-        """Return poses along the track; see `drive_along`."""
+        """Simulate a drive along the track; see `drive_along`."""
         return drive_along(
             self.track, self.ground, self.carrier, rng, count=count, spacing=spacing, start=start
         )
 
-    def standing_at(self, along: float, left: float = 0.0, turn: float = 0.0) -> Pose:
-        """Return world_from_sensor at an arc length, some metres aside and turned [m, m, rad]."""
+    def sensor_pose(self, along: float, left: float = 0.0, turn: float = 0.0) -> Pose:
+        """Return ``world_from_sensor`` of the vehicle at rest.
+
+        Parameters
+        ----------
+        along : float [m]
+            Arc length along the track.
+        left : float [m]
+            Offset to the left of the track.
+        turn : float [rad]
+            Rotation to the left of the heading of the track.
+        """
         heading = float(self.track.heading(along)[0]) + turn
         return sensor_on_ground(self.ground, self.carrier, self.track.at(along, left)[0], heading)

@@ -1,4 +1,4 @@
-"""Which parts of a site are taken, so that no two things stand in one place."""
+"""Occupancy grid of a site, so that objects do not overlap, and poses of objects on the ground."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ _WHEELBASE = 2.7
 
 
 class Site:
-    """A raster of free and taken ground; things claim the rectangle that they stand on.
+    """An occupancy grid in which objects claim their rectangular footprints.
 
     Attributes
     ----------
@@ -29,16 +29,16 @@ class Site:
         self.low = np.asarray(low, np.float64)
         self.high = np.asarray(high, np.float64)
         shape = np.ceil((self.high - self.low) / _CELL).astype(int) + 1
-        self._taken = np.zeros(tuple(shape), np.bool_)
+        self._occupied = np.zeros(tuple(shape), np.bool_)
 
     def cells(self) -> Matrix:
-        """Return the middle of every cell, (n, 2) [m]."""
-        i, j = np.indices(self._taken.shape)
+        """Return the (n, 2) centres of all cells [m]."""
+        i, j = np.indices(self._occupied.shape)
         return self.low + _CELL * np.column_stack([i.ravel(), j.ravel()])
 
     def block(self, cells: np.ndarray) -> None:
-        """Take the cells of a mask (n,) in the order of `cells`."""
-        self._taken |= cells.reshape(self._taken.shape)
+        """Occupy the cells of a mask (n,) in the order of `cells`."""
+        self._occupied |= cells.reshape(self._occupied.shape)
 
     def claim(
         self,
@@ -48,13 +48,20 @@ class Site:
         width: float,
         margin: float = 0.0,
     ) -> bool:
-        """Take a rectangle if it and a margin [m] around it are free, and say whether it was."""
+        """Occupy a rectangle if it and a margin around it are free; return whether it was free.
+
+        Parameters
+        ----------
+        middle : (2,) [m]
+        yaw : float [rad]
+        length, width, margin : float [m]
+        """
         index = self._index(middle, yaw, length + 2 * margin, width + 2 * margin)
-        shape = np.array(self._taken.shape)
-        if (index < 0).any() or (index >= shape).any() or self._taken[tuple(index.T)].any():
+        shape = np.array(self._occupied.shape)
+        if (index < 0).any() or (index >= shape).any() or self._occupied[tuple(index.T)].any():
             return False
         inner = self._index(middle, yaw, length, width)
-        self._taken[tuple(inner.T)] = True
+        self._occupied[tuple(inner.T)] = True
         return True
 
     def _index(self, middle: Vector, yaw: float, length: float, width: float) -> np.ndarray:
@@ -64,27 +71,32 @@ class Site:
             np.linspace(-0.5 * width, 0.5 * width, counts[1]),
         )
         cos, sin = np.cos(yaw), np.sin(yaw)
-        places = np.column_stack(
+        positions = np.column_stack(
             [
                 middle[0] + cos * x.ravel() - sin * y.ravel(),
                 middle[1] + sin * x.ravel() + cos * y.ravel(),
             ]
         )
-        return np.rint((places - self.low) / _CELL).astype(int)
+        return np.rint((positions - self.low) / _CELL).astype(int)
 
 
-def parked(level: Callable[[Matrix], Vector], place: Vector, yaw: float) -> Pose:
-    """Return world_from_object of a car at a (2,) place, with both axles on the ground.
+def car_pose(height: Callable[[Matrix], Vector], position: Vector, yaw: float) -> Pose:
+    """Return ``world_from_object`` of a car with both axles on the ground.
 
-    `level` gives the height of the ground (n,) at (n, 2) places.
+    Parameters
+    ----------
+    height : callable
+        Function that returns the (n,) heights of the ground at (n, 2) positions [m].
+    position : (2,) [m]
+    yaw : float [rad]
     """
     half = 0.5 * _WHEELBASE * np.array([np.cos(yaw), np.sin(yaw)])
-    axles = np.array([place - half, place + half])
-    rear, front = np.column_stack([axles, level(axles)])
+    axles = np.array([position - half, position + half])
+    rear, front = np.column_stack([axles, height(axles)])
     ahead = (front - rear) / np.linalg.norm(front - rear)
     return Pose(level_frame(ahead), 0.5 * (front + rear))
 
 
-def standing(place: Vector, yaw: float) -> Pose:
-    """Return world_from_object of something upright at a (3,) place, turned by `yaw` [rad]."""
-    return Pose(exp_rotation(np.array([0.0, 0.0, yaw])), np.asarray(place, np.float64))
+def upright_pose(position: Vector, yaw: float) -> Pose:
+    """Return ``world_from_object`` of an upright object at a (3,) position and a yaw [rad]."""
+    return Pose(exp_rotation(np.array([0.0, 0.0, yaw])), np.asarray(position, np.float64))

@@ -1,4 +1,4 @@
-"""Smooth curves in the plane: centre lines of roads, ways of walkers and robots."""
+"""Smooth curves in the plane, as centre lines of roads and paths of vehicles."""
 
 from dataclasses import dataclass, field
 
@@ -9,19 +9,26 @@ from scanlock.arrays import Matrix, Vector, frozen
 from scanlock.errors import InvalidInput
 
 _SPACING = 0.5
-"""Distance between neighbouring points of a track [m]."""
+"""Distance between consecutive points of a track [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """A curve in the x-y plane by arc length; build one with `Track.round` or `Track.straight`.
+    """A curve in the x-y plane, parametrised by arc length.
+
+    Build one with `Track.round` or `Track.straight`.
 
     Attributes
     ----------
     points : (k, 2) [m]
-        Evenly spaced to a good approximation; a closed track does not repeat its first point.
+        Approximately equidistant points; a closed track does not repeat its first point.
     is_closed : bool
-        Whether the last point leads back to the first.
+        Whether the last point is connected to the first.
+
+    Raises
+    ------
+    InvalidInput
+        Fewer than three points, or points of another shape.
     """
 
     points: Matrix
@@ -36,7 +43,7 @@ class Track:
         around = np.vstack([points, points[:1]]) if self.is_closed else points
         steps = np.diff(around, axis=0)
         ends = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
-        # At a point the curve heads from the one before it to the one after.
+        # The heading at a point is that of the chord between its neighbours.
         if self.is_closed:
             chords = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
             chords = np.vstack([chords, chords[:1]])
@@ -49,11 +56,11 @@ class Track:
 
     @classmethod
     def round(cls, corners: ArrayLike, bend: float) -> "Track":
-        """Return the closed track around (k, 2) corners, with bends about `bend` [m] long."""
+        """Return a closed track around (k, 2) corners, rounded over a length of `bend` [m]."""
         around = np.asarray(corners, np.float64)
         around = np.vstack([around, around[:1]])
         dense = _resampled(around, _SPACING)[:-1]
-        # Smoothed along the curve, by its periodic Fourier series.
+        # Gaussian smoothing along the curve, by its Fourier series.
         frequency = np.fft.rfftfreq(len(dense), d=_SPACING)
         damping = np.exp(-2.0 * (np.pi * bend * frequency) ** 2)
         smooth = np.fft.irfft(np.fft.rfft(dense, axis=0) * damping[:, None], len(dense), axis=0)
@@ -61,7 +68,7 @@ class Track:
 
     @classmethod
     def straight(cls, start: ArrayLike, end: ArrayLike) -> "Track":
-        """Return the open track between two (2,) points."""
+        """Return an open track between two (2,) points."""
         return cls(_resampled(np.array([start, end], np.float64), _SPACING), False)
 
     @property
@@ -70,13 +77,13 @@ class Track:
         return float(self._ends[-1])
 
     def heading(self, along: ArrayLike) -> Vector:
-        """Return the heading [rad] (n,) at arc lengths [m]; closed tracks go round and round."""
+        """Return the (n,) headings [rad] at arc lengths [m]; closed tracks are repeated."""
         laps, within = self._within(along)
         turn = self._headings[-1] - self._headings[0] if self.is_closed else 0.0
         return np.interp(within, self._ends, self._headings) + laps * turn
 
     def at(self, along: ArrayLike, left: ArrayLike = 0.0) -> Matrix:
-        """Return the places (n, 2) [m] at arc lengths, some metres to the left of the curve."""
+        """Return the (n, 2) positions [m] at arc lengths [m], offset by `left` [m] to the left."""
         _, within = self._within(along)
         points = np.vstack([self.points, self.points[:1]]) if self.is_closed else self.points
         on = np.column_stack([np.interp(within, self._ends, points[:, k]) for k in range(2)])
@@ -85,15 +92,15 @@ class Track:
         return on + np.broadcast_to(left, within.shape)[:, None] * aside
 
     def beside(self, left: float) -> "Track":
-        """Return the track some metres to the left."""
+        """Return the parallel track, offset by `left` [m] to the left."""
         return Track(self.at(self._ends[: len(self.points)], left), self.is_closed)
 
     def reversed(self) -> "Track":
-        """Return the track run the other way."""
+        """Return the track in the opposite direction."""
         return Track(self.points[::-1], self.is_closed)
 
     def _within(self, along: ArrayLike) -> tuple[Vector, Vector]:
-        """Return whole laps done, and arc lengths within one lap."""
+        """Return the number of complete laps, and arc lengths within one lap."""
         along = np.atleast_1d(np.asarray(along, np.float64))
         if not self.is_closed:
             return np.zeros(along.shape), along
@@ -102,7 +109,7 @@ class Track:
 
 
 def _resampled(corners: Matrix, spacing: float) -> Matrix:
-    """Return points every `spacing` [m], or a little less, along a polyline."""
+    """Return equidistant points along a polyline, at most `spacing` [m] apart."""
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     count = int(np.ceil(ends[-1] / spacing)) + 1

@@ -130,7 +130,7 @@ def test_an_interrupted_run_leaves_a_pose_for_each_scan(scanlock, tmp_path, monk
 
     poses = tuple(Pose(np.eye(3), np.array([0.1 * k, 0.0, 0.0])) for k in range(4))
     drive = Drive(poses, np.zeros((4, 6)), np.arange(4) / CAR.speed)
-    sequence = Interrupted(world, hdl_32e(), drive, 0)
+    sequence = Interrupted(world=world, sensor=hdl_32e(), drive=drive, seed=0)
     monkeypatch.setattr(simulate, "_sequence", lambda *_: sequence)
     done = scanlock("simulate", "street", "-o", tmp_path, "--scans", "4", "--motion", "kept")
     assert (done.code, done.out, done.err) == (130, "", "")

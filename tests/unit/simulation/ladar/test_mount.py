@@ -13,13 +13,13 @@ _PLAIN = PanTiltMount(
 )  # fmt: skip
 
 
-def test_a_level_platform_looks_straight_ahead_from_the_end_of_both_levers():
+def test_zero_readings_point_straight_ahead_from_both_lever_arms():
     pose = _PLAIN.vehicle_from_sensor(0.0, 0.0)
     np.testing.assert_array_equal(pose.rotation, np.eye(3))
     np.testing.assert_allclose(pose.translation, [1.3, 0.2, 0.6])
 
 
-def test_pan_turns_left_and_tilt_looks_up_about_the_crossing_of_the_axes():
+def test_pan_is_to_the_left_and_tilt_upwards_about_the_axes():
     left = _PLAIN.vehicle_from_sensor(np.radians(90.0), 0.0)
     np.testing.assert_allclose(left.rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(left.translation, [1.0, 0.5, 0.6], atol=1e-12)
@@ -28,12 +28,12 @@ def test_pan_turns_left_and_tilt_looks_up_about_the_crossing_of_the_axes():
     np.testing.assert_allclose(
         up.translation, [1.0 + 0.3 * np.sqrt(0.75) - 0.05, 0.2, 0.5 + 0.15 + 0.1 * np.sqrt(0.75)]
     )
-    # Panned first: the tilt axis goes along.
+    # The tilt axis is panned too.
     both = _PLAIN.vehicle_from_sensor(np.radians(90.0), np.radians(30.0))
     np.testing.assert_allclose(both.rotation[:, 0], [0.0, np.sqrt(0.75), 0.5], atol=1e-12)
 
 
-def test_the_chain_of_turns_is_that_of_an_independent_library():
+def test_the_pose_agrees_with_scipy_rotations():
     rng = np.random.default_rng(1)
     for _ in range(20):
         lever, offset, skew = rng.normal(size=(3, 3)) * [[1.0], [0.3], [0.05]]
@@ -53,18 +53,18 @@ def test_the_chain_of_turns_is_that_of_an_independent_library():
 @pytest.mark.parametrize(
     ("pan", "tilt", "message"),
     [
-        (0.0, np.radians(30.1), "tilt must lie within"),
-        (0.0, -np.radians(31.0), "tilt must lie within"),
-        (np.radians(91.0), 0.0, "pan must lie within"),
-        (np.nan, 0.0, "pan must lie within"),
+        (0.0, np.radians(30.1), "tilt must be within"),
+        (0.0, -np.radians(31.0), "tilt must be within"),
+        (np.radians(91.0), 0.0, "pan must be within"),
+        (np.nan, 0.0, "pan must be within"),
     ],
 )
-def test_a_platform_does_not_turn_past_its_stops(pan, tilt, message):
+def test_readings_beyond_the_limits_are_refused(pan, tilt, message):
     with pytest.raises(InvalidInput, match=message):
         _PLAIN.vehicle_from_sensor(pan, tilt)
 
 
-def test_a_platform_reaches_its_stops():
+def test_readings_at_the_limits_are_accepted():
     for degrees in (-30.0, 30.0):
         _PLAIN.vehicle_from_sensor(0.0, np.deg2rad(degrees) * (1 + 1e-12))
 
@@ -79,14 +79,14 @@ def test_a_platform_reaches_its_stops():
         ({"tilt_limit": 0.0}, "tilt_limit must be positive, got 0.0 rad"),
     ],
 )
-def test_a_mount_out_of_range_is_refused(change, message):
+def test_mount_settings_out_of_range_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
         dataclasses.replace(_PLAIN, **change)
 
 
-def test_a_tilt_is_held_or_swings_about_its_middle():
-    held = TiltSweep(pan=0.3, tilt=-0.2)
-    assert {held.at(time) for time in (0.0, 1.7, 100.0)} == {(0.3, -0.2)}
+def test_a_tilt_is_fixed_or_oscillates_about_its_mean():
+    fixed = TiltSweep(pan=0.3, tilt=-0.2)
+    assert {fixed.at(time) for time in (0.0, 1.7, 100.0)} == {(0.3, -0.2)}
     swinging = TiltSweep(tilt=-0.2, swing=0.1, period=4.0)
     tilts = [swinging.at(time)[1] for time in (0.0, 1.0, 2.0, 3.0, 4.0)]
     np.testing.assert_allclose(tilts, [-0.2, -0.1, -0.2, -0.3, -0.2], atol=1e-12)
@@ -100,6 +100,6 @@ def test_a_tilt_is_held_or_swings_about_its_middle():
         ({"period": 0.0}, "period must be positive"),
     ],
 )
-def test_a_sweep_out_of_range_is_refused(change, message):
+def test_sweep_settings_out_of_range_are_refused(change, message):
     with pytest.raises(InvalidInput, match=message):
         TiltSweep(**change)

@@ -34,7 +34,7 @@ def _slope(places):
 
 
 def _world(label=SurfaceClass.SHRUB):
-    """A slope, which a grid of heights holds exactly, and a ball on it ahead."""
+    """A slope, which a height field represents exactly, and a ball on it."""
     ground = HeightField.sampled(_slope, (-90, -90), (90, 90), 3.0)
     return World.of(ellipsoids([6.5, 3.0, 1.0], [1.5, 1.5, 1.5], label).as_object(1), ground)
 
@@ -55,7 +55,7 @@ def _digest(scan):
 
 
 @pytest.mark.parametrize("twist", [None, _TWIST], ids=["at rest", "moving"])
-def test_points_without_noise_lie_on_what_they_are_labelled_with(twist):
+def test_points_without_noise_are_on_their_labelled_surfaces(twist):
     scan = _frame(twist=twist)
     assert set(scan.labels) == {SurfaceClass.GROUND, SurfaceClass.SHRUB}
     assert len(scan) > 500
@@ -66,7 +66,7 @@ def test_points_without_noise_lie_on_what_they_are_labelled_with(twist):
     np.testing.assert_allclose(radii, 1.5, atol=1e-9)
 
 
-def test_the_range_image_is_what_the_points_were_made_of():
+def test_range_image_and_points_are_consistent():
     scan = _frame(twist=_TWIST, pan=0.2)
     points = points_from_ranges(scan.ranges, _EXACT, _MOUNT, pan=scan.pan, tilt=scan.tilt)
     np.testing.assert_array_equal(points[np.isfinite(scan.ranges)], scan.points)
@@ -77,7 +77,7 @@ def test_the_range_image_is_what_the_points_were_made_of():
     np.testing.assert_allclose(scan.times, _EXACT.firing_times()[row // 2, column])
 
 
-def test_each_beam_leaves_the_sensor_where_it_is_at_its_moment():
+def test_each_beam_starts_at_the_pose_of_its_time_of_firing():
     scan, world = _frame(twist=_TWIST, pan=-0.3), _world()
     eye = _MOUNT.vehicle_from_sensor(-0.3, _TILT)
     beams = _EXACT.directions()[np.isfinite(scan.ranges)]
@@ -90,7 +90,7 @@ def test_each_beam_leaves_the_sensor_where_it_is_at_its_moment():
         assert hit.distances[0] == pytest.approx(metres[k], abs=1e-9)
 
 
-def test_the_exact_pose_lays_one_frame_on_what_the_other_saw():
+def test_the_exact_pose_aligns_two_frames():
     world = _world()
     ahead = carried(_POSE, _TWIST, 0.1)
     target = _frame(world=world, twist=_TWIST)
@@ -103,7 +103,7 @@ def test_the_exact_pose_lays_one_frame_on_what_the_other_saw():
     np.testing.assert_allclose(moved[ground, 2], _slope(moved[ground]), atol=1e-9)
 
 
-def test_panning_left_brings_what_is_on_the_left_to_the_middle():
+def test_panning_left_moves_an_object_on_the_left_to_the_centre_of_the_image():
     block = boxes([0.0, 8.0, 1.5], [3.0, 0.5, 1.0], SurfaceClass.ROCK).as_object(1)
     pose = Pose(np.eye(3), np.array([0.0, 0.0, 1.5]))
     middles = {}
@@ -112,7 +112,7 @@ def test_panning_left_brings_what_is_on_the_left_to_the_middle():
             World.of(block), _EXACT, _MOUNT, pose, np.random.default_rng(0), pan=pan
         )
         middles[pan] = np.nonzero(np.isfinite(scan.ranges))[1].mean()
-        # In the frame of the vehicle, the block is where it is.
+        # In the frame of the vehicle, the block does not move.
         np.testing.assert_allclose(scan.points[:, 1], 7.5, atol=1e-9)
     assert list(middles.values()) == pytest.approx([22.0 - 30.0 / 2, 22.0], abs=4.0)
 
@@ -124,18 +124,18 @@ def test_an_empty_world_gives_an_empty_image():
     assert np.isnan(scan.ranges).all()
 
 
-def test_noise_is_of_the_size_asked_for_and_readings_come_in_steps():
+def test_noise_and_resolution_have_the_given_sizes():
     clean = _frame()
     noisy = _frame(dataclasses.replace(_EXACT, range_noise=0.04), seed=2)
-    gaps = noisy.ranges - clean.ranges
-    assert np.nanstd(gaps) == pytest.approx(0.04, rel=0.1)
-    assert abs(np.nanmean(gaps)) < 0.006
+    noise = noisy.ranges - clean.ranges
+    assert np.nanstd(noise) == pytest.approx(0.04, rel=0.1)
+    assert abs(np.nanmean(noise)) < 0.006
     coarse = _frame(dataclasses.replace(_EXACT, range_resolution=0.25)).ranges
     steps = coarse[np.isfinite(coarse)] / 0.25
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
 
 
-def test_a_lost_facet_is_two_empty_rows_and_as_many_are_lost_as_asked_for():
+def test_empty_facets_have_the_given_share_and_span_two_rows():
     down = np.radians(-25.0)
     ladar = dataclasses.replace(_EXACT, facet_loss=0.25)
     whole = np.isfinite(_frame(tilt=down).ranges)
@@ -154,7 +154,7 @@ def test_a_lost_facet_is_two_empty_rows_and_as_many_are_lost_as_asked_for():
     ("label", "kept"),
     [(SurfaceClass.SHRUB, 0.4), (SurfaceClass.GRASS, 0.4), (SurfaceClass.ROCK, 1)],
 )
-def test_plants_swallow_their_share_and_nothing_else_does(label, kept):
+def test_plant_loss_applies_to_plants_only(label, kept):
     world = _world(label)
     ladar = dataclasses.replace(_EXACT, columns=180, plant_loss=0.6)
     full = _frame(dataclasses.replace(ladar, plant_loss=0.0), world=world)
@@ -164,7 +164,7 @@ def test_plants_swallow_their_share_and_nothing_else_does(label, kept):
     assert (thin.labels == SurfaceClass.GROUND).sum() == (full.labels == SurfaceClass.GROUND).sum()
 
 
-def test_a_seed_fixes_every_byte_and_frames_are_read_only():
+def test_the_same_seed_gives_the_same_bytes_and_read_only_frames():
     noisy = FacetLadar(facet_loss=0.3)
     assert _digest(_frame(noisy)) == _digest(_frame(noisy))
     assert _digest(_frame(noisy)) != _digest(_frame(noisy, seed=1))
@@ -174,10 +174,10 @@ def test_a_seed_fixes_every_byte_and_frames_are_read_only():
         assert not isinstance(value, np.ndarray) or not value.flags.writeable
 
 
-def test_a_twist_that_is_none_and_a_tilt_past_the_stops_are_refused():
+def test_invalid_twists_and_tilts_are_refused():
     with pytest.raises(InvalidInput, match="twist must be six finite numbers"):
         _frame(twist=np.zeros(3))
-    with pytest.raises(InvalidInput, match="tilt must lie within"):
+    with pytest.raises(InvalidInput, match="tilt must be within"):
         _frame(tilt=-0.6)
 
 
@@ -185,10 +185,10 @@ def _sequence(seed=4, **options):
     poses = tuple(carried(_POSE, _TWIST, 0.1 * k) for k in range(6))
     drive = Drive(poses, np.tile(_TWIST, (6, 1)), 0.1 * np.arange(6))
     options = {"ladar": FacetLadar(), "mount": _MOUNT} | options
-    return LadarSequence(_world(), drive=drive, seed=seed, **options)
+    return LadarSequence(world=_world(), drive=drive, seed=seed, **options)
 
 
-def test_a_frame_does_not_depend_on_which_others_were_made():
+def test_a_frame_does_not_depend_on_the_order_of_access():
     sequence = _sequence()
     third = _digest(sequence[3])
     assert len(sequence) == 6
@@ -198,7 +198,7 @@ def test_a_frame_does_not_depend_on_which_others_were_made():
     assert _digest(_sequence(seed=5)[3]) != third
 
 
-def test_frames_carry_the_pose_motion_and_tilt_of_their_moment():
+def test_frames_have_the_pose_twist_and_tilt_of_their_time():
     look = TiltSweep(pan=0.1, tilt=-0.2, swing=0.1, period=1.0)
     for k, scan in enumerate(_sequence(look=look)):
         assert isinstance(scan, LadarScan)
@@ -209,7 +209,7 @@ def test_frames_carry_the_pose_motion_and_tilt_of_their_moment():
     assert {scan.tilt for scan in _sequence()} == {AHEAD_AND_DOWN.tilt}
 
 
-def test_a_frame_that_is_not_there_is_an_index_error():
+def test_a_missing_frame_is_an_index_error():
     for index in (6, -7):
         with pytest.raises(IndexError, match=f"frame {index} of a sequence of 6"):
             _sequence()[index]
@@ -222,6 +222,6 @@ def test_a_frame_that_is_not_there_is_an_index_error():
         ({"seed": 1, "speed": 0.0}, "speed must be positive, got 0.0 m/s"),
     ],
 )
-def test_a_run_that_is_none_is_refused(arguments, message):
+def test_invalid_runs_are_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         ladar_run(**arguments)

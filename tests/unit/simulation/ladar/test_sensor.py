@@ -13,7 +13,7 @@ _LEVEL = dataclasses.replace(_LADAR, facet_offsets=(0.0,) * 16)
 
 
 def _image(seed):
-    """Random readings, a tenth of them and one facet empty."""
+    """Random readings, with a tenth of the pixels and one facet empty."""
     rng = np.random.default_rng(seed)
     ranges = rng.uniform(1.0, 60.0, (32, 180))
     ranges[rng.random(ranges.shape) < 0.1] = np.nan
@@ -30,19 +30,19 @@ def _mount(seed):
     )  # fmt: skip
 
 
-def test_the_image_is_that_of_the_paper():
+def test_the_image_has_the_size_of_the_paper():
     assert _LADAR.directions().shape == (32, 180, 3)
     assert (_LADAR.facets, _LADAR.rows_per_facet) == (16, 2)
     up, left = np.degrees(_LEVEL.elevations()), np.degrees(_LEVEL.azimuths())
     np.testing.assert_allclose(np.diff(up), -20.0 / 32.0)
     np.testing.assert_allclose(np.diff(left), -90.0 / 180.0)
     np.testing.assert_allclose([up.mean(), left.mean()], 0.0, atol=1e-12)
-    # Tilted up to its stop and down to it, the platform sees 80 degrees of height.
-    stop = np.degrees(PanTiltMount().tilt_limit)
-    assert (up[0] + stop) - (up[-1] - stop) + 20.0 / 32.0 == pytest.approx(80.0)
+    # From limit to limit, the platform covers 80 degrees of elevation.
+    limit = np.degrees(PanTiltMount().tilt_limit)
+    assert (up[0] + limit) - (up[-1] - limit) + 20.0 / 32.0 == pytest.approx(80.0)
 
 
-def test_the_first_pixel_is_up_and_to_the_left():
+def test_the_first_pixel_is_at_the_top_left():
     beams = _LADAR.directions()
     np.testing.assert_allclose(np.linalg.norm(beams, axis=2), 1.0, rtol=1e-12)
     assert beams[0, 0, 1] > 0.6 > -0.6 > beams[0, -1, 1]
@@ -50,14 +50,14 @@ def test_the_first_pixel_is_up_and_to_the_left():
     assert (beams[..., 0] > 0.6).all()
 
 
-def test_each_facet_has_a_tilt_of_its_own():
+def test_each_facet_has_its_own_elevation_offset():
     offsets = _LADAR.elevations() - _LEVEL.elevations()
     np.testing.assert_allclose(offsets[::2], offsets[1::2], atol=1e-12)
     np.testing.assert_allclose(offsets[::2], _LADAR.facet_offsets, atol=1e-12)
     assert len(set(_LADAR.facet_offsets)) > 5
 
 
-def test_facets_fire_one_after_the_other_within_the_frame():
+def test_facets_fire_consecutively_within_the_frame():
     times = _LADAR.firing_times()
     assert times.shape == (16, 180)
     np.testing.assert_allclose(np.diff(times.ravel()), 0.1 / (16 * 180))
@@ -66,21 +66,21 @@ def test_facets_fire_one_after_the_other_within_the_frame():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_ranges_to_points_and_back_are_the_same_ranges(seed):
+def test_ranges_round_trip_through_points(seed):
     ranges, mount = _image(seed), _mount(seed)
     pan, tilt = np.random.default_rng(seed).uniform(-0.5, 0.5, 2)
     points = points_from_ranges(ranges, _LADAR, mount, pan=pan, tilt=tilt)
     back = ranges_from_points(points, _LADAR, mount, pan=pan, tilt=tilt)
     np.testing.assert_allclose(back, ranges, rtol=1e-12)
     np.testing.assert_array_equal(np.isnan(back), np.isnan(ranges))
-    # The order of the points does not matter, nor do those that are not there.
+    # Neither the order of the points nor NaN among them matters.
     shuffled = np.random.default_rng(seed).permutation(points.reshape(-1, 3))
     np.testing.assert_array_equal(
         ranges_from_points(shuffled, _LADAR, mount, pan=pan, tilt=tilt), back
     )
 
 
-def test_points_to_ranges_and_back_are_the_same_points():
+def test_points_round_trip_through_ranges():
     mount = _mount(9)
     points = points_from_ranges(_image(9), _LADAR, mount, pan=0.1, tilt=-0.3)
     ranges = ranges_from_points(points, _LADAR, mount, pan=0.1, tilt=-0.3)
@@ -88,7 +88,7 @@ def test_points_to_ranges_and_back_are_the_same_points():
     np.testing.assert_allclose(again, points, atol=1e-11)
 
 
-def test_points_are_where_angles_calibration_and_mount_put_them_one_by_one():
+def test_points_agree_with_scipy_rotations():
     ranges, mount = _image(3), _mount(3)
     pan, tilt = 0.2, -0.25
     points = points_from_ranges(ranges, _LADAR, mount, pan=pan, tilt=tilt)
@@ -103,7 +103,7 @@ def test_points_are_where_angles_calibration_and_mount_put_them_one_by_one():
         np.testing.assert_allclose(points[row, column], expected, atol=1e-12)
 
 
-def test_readings_that_are_none_give_no_points():
+def test_invalid_readings_give_nan_points():
     ranges = np.full((32, 180), 5.0)
     ranges[0, :4] = [0.0, -1.0, np.nan, np.inf]
     points = points_from_ranges(ranges, _LADAR, PanTiltMount(), pan=0.0, tilt=0.0)
@@ -112,7 +112,7 @@ def test_readings_that_are_none_give_no_points():
     assert np.isfinite(points[1:]).all()
 
 
-def test_of_several_points_in_a_pixel_the_nearest_counts_and_outside_none():
+def test_a_pixel_has_its_nearest_point_and_outside_points_are_ignored():
     mount = PanTiltMount()
     beams = mount.vehicle_from_sensor(0.0, 0.0)
     beam = _LADAR.directions()[10, 20]
@@ -132,8 +132,8 @@ def test_another_calibration_gives_other_points():
         (_LADAR, dataclasses.replace(mount, tilt_zero=0.0)),
     ):
         wrong = points_from_ranges(ranges, ladar, other, pan=0.0, tilt=0.0)
-        gaps = np.linalg.norm(wrong - right, axis=2)
-        assert np.nanmax(gaps) > 0.03
+        differences = np.linalg.norm(wrong - right, axis=2)
+        assert np.nanmax(differences) > 0.03
 
 
 @pytest.mark.parametrize("shape", [(180, 32), (32 * 180,), (32, 180, 1)])
@@ -175,13 +175,13 @@ def test_returns_are_lost_far_away_at_grazing_incidence_and_too_near():
     [
         ({"rows": 1, "facet_offsets": (0.0,)}, "rows must be a whole number of at least 2"),
         ({"columns": 0}, "columns must be a whole number of at least 2"),
-        ({"facet_offsets": (0.0,) * 15}, "rows be shared out evenly, got 15 for 32 rows"),
+        ({"facet_offsets": (0.0,) * 15}, "rows be divisible by their number, got 15 for 32 rows"),
         ({"facet_offsets": ()}, "got 0 for 32 rows"),
-        ({"facet_offsets": (0.0, 0.03) * 8}, "leave the rows in order from the top"),
-        ({"facet_offsets": (np.nan,) * 16}, "leave the rows in order from the top"),
+        ({"facet_offsets": (0.0, 0.03) * 8}, "keep the rows in descending order"),
+        ({"facet_offsets": (np.nan,) * 16}, "keep the rows in descending order"),
         ({"width": 0.0}, "width must be positive"),
         ({"rate": -1.0}, "rate must be positive"),
-        ({"rate": 20.0}, "frame_time must not exceed 0.05 s at 20.0 frames a second"),
+        ({"rate": 20.0}, "frame_time must be at most 0.05 s at 20.0 frames per second"),
         ({"min_range": 60.0}, "max_range must exceed min_range"),
         ({"range_noise": -0.1}, "range_noise must be at least"),
         ({"range_scale": 0.0}, "range_scale must be positive"),

@@ -19,18 +19,18 @@ _POLE = SurfaceClass.POLE
 def _one_of_each(rng):
     turn = exp_rotation(rng.normal(size=3))
     size = rng.uniform(0.2, 2.0, 3)
-    place = rng.normal(size=(6, 3)) * 3
+    centre = rng.normal(size=(6, 3)) * 3
     return {
-        "box": boxes(place[0], size, _POLE, rotations=turn),
-        "ellipsoid": ellipsoids(place[1], size, _POLE, rotations=turn),
-        "cone": cones(place[2], place[3], size[0], size[1], _POLE),
-        "disc": discs(place[4], turn[:, 2], size[None, :2], _POLE),
-        "triangle": triangles(place[5] + rng.normal(size=(3, 3)), _POLE),
+        "box": boxes(centre[0], size, _POLE, rotations=turn),
+        "ellipsoid": ellipsoids(centre[1], size, _POLE, rotations=turn),
+        "cone": cones(centre[2], centre[3], size[0], size[1], _POLE),
+        "disc": discs(centre[4], turn[:, 2], size[None, :2], _POLE),
+        "triangle": triangles(centre[5] + rng.normal(size=(3, 3)), _POLE),
     }
 
 
 def _points_on(kind, row, rng, count=4000):
-    """Points of a surface: directions from its middle, followed until its gauge is zero."""
+    """Points on a surface: zeros of its gauge along random directions from its centre."""
     a, b, c = row[12:]
     if kind == "triangle":
         u, v = np.sort(rng.random((2, count)), axis=0)
@@ -52,7 +52,7 @@ def _points_on(kind, row, rng, count=4000):
 
 @pytest.mark.parametrize("kind", ["box", "ellipsoid", "cone", "disc", "triangle"])
 @pytest.mark.parametrize("seed", range(4))
-def test_bounds_hold_a_surface_and_touch_it_on_every_side(kind, seed):
+def test_bounds_enclose_a_surface_tightly(kind, seed):
     rng = np.random.default_rng(seed)
     surface = _one_of_each(rng)[kind]
     points = _points_on(kind, surface.rows[0], rng)
@@ -64,7 +64,7 @@ def test_bounds_hold_a_surface_and_touch_it_on_every_side(kind, seed):
 
 
 @given(a=_vectors, b=_vectors, c=_vectors)
-def test_a_triangle_keeps_its_corners(a, b, c):
+def test_a_triangle_has_its_given_corners(a, b, c):
     if np.linalg.norm(np.cross(b - a, c - a)) < 1e-3:
         return
     row = triangles([[a, b, c]], _POLE).rows[0]
@@ -73,7 +73,7 @@ def test_a_triangle_keeps_its_corners(a, b, c):
 
 
 @given(direction=_vectors)
-def test_a_cone_runs_from_its_bottom_to_its_top(direction):
+def test_a_cone_extends_from_its_bottom_to_its_top(direction):
     if np.linalg.norm(direction) < 1e-3:
         return
     bottom = np.array([1.0, 2, 3])
@@ -86,7 +86,7 @@ def test_a_cone_runs_from_its_bottom_to_its_top(direction):
 
 
 @pytest.mark.parametrize("kind", ["box", "ellipsoid", "cone", "disc", "triangle"])
-def test_a_moved_surface_holds_the_moved_points(kind):
+def test_a_moved_surface_contains_the_moved_points(kind):
     rng = np.random.default_rng(7)
     surface = _one_of_each(rng)[kind]
     pose = Pose(exp_rotation(rng.normal(size=3)), rng.normal(size=3) * 5)
@@ -111,9 +111,9 @@ def test_joined_surfaces_keep_their_order_classes_objects_and_losses():
     assert len(Surfaces.joined([])) == 0
 
 
-def test_surfaces_are_read_only_and_leave_the_arrays_they_were_made_of_alone():
+def test_arrays_of_surfaces_are_read_only_copies():
     kinds, rows, zeros = np.zeros(1, np.int64), np.ones((1, 15)), np.zeros(1)
-    surfaces = Surfaces(kinds, rows, kinds, kinds, zeros)
+    surfaces = Surfaces(kinds=kinds, rows=rows, labels=kinds, objects=kinds, losses=zeros)
     for array in (surfaces.kinds, surfaces.rows, surfaces.labels, surfaces.losses):
         assert not array.flags.writeable
     assert rows.flags.writeable
@@ -126,19 +126,25 @@ def test_surfaces_are_read_only_and_leave_the_arrays_they_were_made_of_alone():
         (lambda: boxes([0, 0, np.inf], [1, 1, 1], _POLE), "must be finite"),
         (lambda: ellipsoids([0, 0, 0], [1, -1, 1], _POLE), "half_axes must be positive"),
         (lambda: ellipsoids([0, 0, 0], [1, np.nan, 1], _POLE), "half_axes must be positive"),
-        (lambda: cones([0, 0, 0], [0, 0, 0], 1, 1, _POLE), "finite and apart"),
+        (lambda: cones([0, 0, 0], [0, 0, 0], 1, 1, _POLE), "finite and distinct"),
         (lambda: cones([0, 0, 0], [0, 0, 1], 0, 0, _POLE), "larger radius of a cone"),
         (lambda: cones([0, 0, 0], [0, 0, 1], 1, -1, _POLE), "must not be negative, got -1.0 m"),
         (lambda: discs([0, 0, 0], [0, 0, 0], 1, _POLE), "length of a normal"),
         (lambda: discs([0, 0, 0], [0, 0, 1], 0, _POLE), "radii must be positive"),
-        (lambda: triangles([[0, 0, 0], [1, 1, 1], [2, 2, 2]], _POLE), "not lie on a line"),
+        (lambda: triangles([[0, 0, 0], [1, 1, 1], [2, 2, 2]], _POLE), "finite and not collinear"),
         (lambda: boxes([0, 0, 0], [1, 1, 1], _POLE, loss=1.5), "loss must lie between 0 and 1"),
         (
-            lambda: Surfaces(np.zeros(2), np.zeros((1, 15)), np.zeros(2), np.zeros(2), np.zeros(2)),
+            lambda: Surfaces(
+                kinds=np.zeros(2),
+                rows=np.zeros((1, 15)),
+                labels=np.zeros(2),
+                objects=np.zeros(2),
+                losses=np.zeros(2),
+            ),
             r"rows must have shape \(2, 15\), got \(1, 15\)",
         ),
     ],
 )
-def test_shapes_that_are_none_are_refused_by_name(make, message):
+def test_invalid_shapes_are_refused(make, message):
     with pytest.raises(InvalidInput, match=message):
         make()

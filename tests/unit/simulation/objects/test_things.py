@@ -4,7 +4,7 @@ import pytest
 from scanlock.simulation import SurfaceClass
 from scanlock.simulation.objects import buildings, furniture, plants, traffic
 
-_THINGS = {
+_OBJECTS = {
     "tree": (lambda r: plants.tree(r, height=9.0, crown_radius=2.5, trunk_radius=0.2),
              {SurfaceClass.TRUNK, SurfaceClass.FOLIAGE}, 12.0),
     "conifer": (lambda r: plants.conifer(r, height=9.0, radius=2.0),
@@ -32,28 +32,27 @@ _THINGS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", _THINGS)
-def test_a_thing_stands_on_the_ground_and_is_what_it_says(name):
-    make, classes, tallest = _THINGS[name]
+@pytest.mark.parametrize("name", _OBJECTS)
+def test_an_object_is_on_the_ground_with_its_classes_and_height(name):
+    make, classes, tallest = _OBJECTS[name]
     for seed in range(8):
-        thing = make(np.random.default_rng(seed))
-        bounds = thing.bounds()
-        assert set(thing.labels) == classes
-        # No gap below it, and no higher than such things are.
+        surfaces = make(np.random.default_rng(seed))
+        bounds = surfaces.bounds()
+        assert set(surfaces.labels) == classes
         assert bounds[:, 2].min() < 1e-3
         assert 0.1 < bounds[:, 5].max() < tallest
 
 
-@pytest.mark.parametrize("name", _THINGS)
-def test_no_two_things_are_alike_but_a_seed_makes_the_same_again(name):
-    make, _, _ = _THINGS[name]
+@pytest.mark.parametrize("name", _OBJECTS)
+def test_objects_differ_by_seed_and_are_reproducible(name):
+    make, _, _ = _OBJECTS[name]
     first, again, other = (make(np.random.default_rng(seed)) for seed in (0, 0, 1))
     assert first.rows.tobytes() == again.rows.tobytes()
     assert first.rows.tobytes() != other.rows.tobytes()
 
 
 @pytest.mark.parametrize("forecourt", [0.3, 0.9, 2.5])
-def test_a_house_keeps_within_its_plot_and_forecourt(forecourt):
+def test_a_house_is_within_its_plot_and_forecourt(forecourt):
     for seed in range(20):
         house = buildings.house(
             np.random.default_rng(seed), width=12.0, depth=9.0, storeys=2, forecourt=forecourt
@@ -65,7 +64,7 @@ def test_a_house_keeps_within_its_plot_and_forecourt(forecourt):
         assert np.abs(walls[:, [0, 3]]).max() < 6.0 + 0.7
 
 
-def test_fewer_leaves_are_larger_and_cover_as_much():
+def test_fewer_leaves_are_larger_with_the_same_total_area():
     areas = []
     for leaves in (1.0, 0.25):
         tree = plants.tree(

@@ -8,28 +8,30 @@ from scanlock.errors import InvalidInput
 from scanlock.simulation.scenes.height_field import HeightField
 
 
-def test_heights_between_the_corners_follow_the_definition():
+def test_heights_are_interpolated_bilinearly():
     rng = np.random.default_rng(0)
     field = HeightField(rng.normal(size=(7, 12)), np.array([3.0, -2.0]), 0.5)
-    places = np.column_stack([rng.uniform(3, 6, 100), rng.uniform(-2, 3.5, 100)])
-    expected = [reference.height(field.heights, field.corner, 0.5, x, y) for x, y in places]
-    np.testing.assert_allclose(field.at(places), expected, atol=1e-12)
-    np.testing.assert_array_equal(field.lifted(places), np.column_stack([places, field.at(places)]))
+    positions = np.column_stack([rng.uniform(3, 6, 100), rng.uniform(-2, 3.5, 100)])
+    expected = [reference.height(field.heights, field.corner, 0.5, x, y) for x, y in positions]
+    np.testing.assert_allclose(field.at(positions), expected, atol=1e-12)
+    np.testing.assert_array_equal(
+        field.lifted(positions), np.column_stack([positions, field.at(positions)])
+    )
 
 
-def test_past_the_edge_the_height_is_that_of_the_edge():
+def test_heights_outside_are_those_of_the_nearest_edge():
     field = HeightField(np.array([[0.0, 1.0], [2.0, 3.0]]), np.zeros(2), 1.0)
     assert field.at(np.array([[-5.0, -5.0], [9.0, 9.0], [9.0, -1.0]])).tolist() == [0.0, 3.0, 2.0]
 
 
-def test_a_sampled_field_covers_its_rectangle_and_passes_through_the_function():
+def test_a_sampled_field_covers_its_rectangle_and_interpolates_the_function():
     field = HeightField.sampled(lambda xy: xy[:, 0] * xy[:, 1], (-1.0, 2.0), (1.1, 4.0), 0.5)
     assert field.heights.shape == (6, 5)
     assert field.heights[2, 1] == 0.0 * 2.5
     assert field.heights[4, 3] == 1.0 * 3.5
 
 
-def test_the_top_of_a_tile_is_the_highest_of_it_and_its_border():
+def test_the_top_of_a_tile_is_its_maximum_height_with_its_border():
     heights = np.zeros((18, 9))
     heights[8, 3] = 5.0
     heights[17, 8] = 2.0
@@ -37,7 +39,7 @@ def test_the_top_of_a_tile_is_the_highest_of_it_and_its_border():
     assert field.tops.tolist() == [[5.0], [5.0], [2.0]]
 
 
-def test_a_field_is_read_only_copies_its_heights_and_pickles():
+def test_a_field_is_a_read_only_copy_and_can_be_pickled():
     heights = np.ones((3, 3))
     field = HeightField(heights, np.zeros(2), 1.0)
     heights[:] = 7.0
@@ -57,6 +59,6 @@ def test_a_field_is_read_only_copies_its_heights_and_pickles():
         ((np.zeros((2, 2)), np.zeros(2), 0.0), "cell must be positive, got 0.0 m"),
     ],
 )
-def test_a_field_that_is_none_is_refused_by_name(arguments, message):
+def test_invalid_fields_are_refused(arguments, message):
     with pytest.raises(InvalidInput, match=message):
         HeightField(*arguments)

@@ -13,14 +13,14 @@ from scanlock.simulation.scenes.look_alikes import (
     tunnel,
 )
 
-_SILENT = {"range_noise": 0.0, "dropout": 0.0, "fading": 0.0}
+_NOISE_FREE = {"range_noise": 0.0, "dropout": 0.0, "fading": 0.0}
 
 
-def _seen(world, pose):
+def _scanned(world, pose):
     from dataclasses import replace
 
-    # A beam's share of lost pulses is drawn by chance: without any, a scan is what is there.
-    sensor = replace(hdl_32e(), **_SILENT, azimuth_steps=360)
+    # Without noise and lost returns, scans depend on the world only.
+    sensor = replace(hdl_32e(), **_NOISE_FREE, azimuth_steps=360)
     return simulate_scan(world, sensor, pose, np.random.default_rng(0)).points
 
 
@@ -42,9 +42,9 @@ def _at(x=0.0, y=0.0, z=0.0, yaw=0.0):
     ],
     ids=["field", "corridor", "tunnel", "shaft", "crossing", "terrace"],
 )
-def test_two_places_look_the_same(world, one, other):
-    first, second = (_seen(world, pose) for pose in (one, other))
-    # A ray along an edge may meet either side of it.
+def test_scans_from_ambiguous_poses_are_equal(world, one, other):
+    first, second = (_scanned(world, pose) for pose in (one, other))
+    # A ray along an edge may hit either side of it.
     assert abs(len(first) - len(second)) < 0.01 * len(first)
     ranges = [np.sort(np.linalg.norm(points, axis=1)) for points in (first, second)]
     shares = np.linspace(0.05, 0.95, 19)
@@ -56,6 +56,6 @@ def test_two_places_look_the_same(world, one, other):
     ("make", "name"), [(corridor, "width"), (tunnel, "radius"), (shaft, "radius"),
                        (crossing, "street"), (terrace, "spacing")],
 )  # fmt: skip
-def test_sizes_must_be_positive(make, name):
+def test_sizes_that_are_not_positive_are_refused(make, name):
     with pytest.raises(InvalidInput, match=name):
         make(**{name: 0.0})

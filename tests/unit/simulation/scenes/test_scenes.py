@@ -53,7 +53,7 @@ def _shares(points):
     return np.histogram(ranges, _KITTI_EDGES)[0] / len(points)
 
 
-def test_a_street_fills_a_scan_with_many_things_near_and_far(street_scans):
+def test_a_street_scan_has_many_objects_near_and_far(street_scans):
     for scan in street_scans:
         assert 95_000 < len(scan) < 133_312
         assert len(np.unique(scan.objects)) > 80
@@ -68,7 +68,7 @@ def test_a_street_fills_a_scan_with_many_things_near_and_far(street_scans):
     }  # fmt: skip
 
 
-def test_a_forest_is_trunks_crowns_shrubs_and_grass_on_open_ground(forest_scans):
+def test_a_forest_scan_has_trunks_crowns_shrubs_and_grass(forest_scans):
     for scan in forest_scans:
         assert 45_000 < len(scan) < 69_440
         assert len(np.unique(scan.objects)) > 80
@@ -82,8 +82,8 @@ def test_a_forest_is_trunks_crowns_shrubs_and_grass_on_open_ground(forest_scans)
     assert share[SurfaceClass.GAZEBO] > 0.0
 
 
-def test_crowns_let_rays_through(forest_scene):
-    # Level rays through the middle of crowns: some stop in the leaves, some come out behind.
+def test_crowns_are_porous(forest_scene):
+    # Some horizontal rays through the middle of crowns hit leaves, others pass.
     world, surfaces = forest_scene.world, forest_scene.world.surfaces
     through = []
     for number in np.unique(surfaces.objects[surfaces.labels == SurfaceClass.FOLIAGE])[:20]:
@@ -101,7 +101,7 @@ def test_crowns_let_rays_through(forest_scene):
 
 
 @pytest.mark.data
-def test_a_street_scan_is_like_a_real_one_in_size_and_ranges(street_scans, scan_data):
+def test_a_street_scan_has_the_size_and_ranges_of_a_real_one(street_scans, scan_data):
     files = sorted((scan_data / "kitti_drive_0005" / "velodyne_points" / "data").glob("*.bin"))
     real = [np.fromfile(path, np.float32).reshape(-1, 4)[:, :3] for path in files[::10]]
     assert np.median([len(s) for s in street_scans]) == pytest.approx(
@@ -119,25 +119,25 @@ def test_a_drive_follows_the_ground_around_the_track(name, carrier, spacing, req
     scene = request.getfixturevalue(f"{name}_scene")
     count = int(scene.track.length / spacing) + 20
     drive = scene.drive(np.random.default_rng(0), count=count, spacing=spacing)
-    places = np.array([pose.translation for pose in drive])
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    positions = np.array([pose.translation for pose in drive])
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     assert np.abs(steps - spacing).max() < 0.2 * spacing
-    heights = places[:, 2] - scene.ground.at(places)
+    heights = positions[:, 2] - scene.ground.at(positions)
     assert np.abs(heights - carrier.sensor_height).max() < 0.1
     tilts = np.degrees([np.arccos(pose.rotation[2, 2]) for pose in drive])
     assert 0.5 < tilts.max() < 15.0
-    # Round a closed track it comes home, and in between it looked every way.
-    assert np.linalg.norm(places[0] - places[-20]) < 2.0
+    # A lap of the closed track returns to its start, with headings in all directions.
+    assert np.linalg.norm(positions[0] - positions[-20]) < 2.0
     ahead = np.array([pose.rotation[:2, 0] for pose in drive])
     for axis in ([1, 0], [0, 1], [-1, 0], [0, -1]):
         assert (ahead @ axis).max() > 0.8
     np.testing.assert_allclose(np.diff(drive.times), spacing / carrier.speed, rtol=1e-9)
     speeds = np.linalg.norm(drive.twists[:, :3], axis=1)
-    # A sensor on a mast swings to and fro as the wheels climb and fall.
+    # The sensor on a mast moves back and forth as the wheels follow the ground.
     np.testing.assert_allclose(speeds, carrier.speed, rtol=0.2)
 
 
-def test_one_sweep_of_a_drive_ends_where_the_next_begins(street_scene):
+def test_sweeps_of_a_drive_are_continuous(street_scene):
     drive = street_drive(street_scene, np.random.default_rng(2), count=200, spacing=0.85)
     for k in range(199):
         end = carried(drive.poses[k], drive.twists[k], 0.05)
@@ -146,13 +146,13 @@ def test_one_sweep_of_a_drive_ends_where_the_next_begins(street_scene):
 
 
 @pytest.mark.parametrize(("name", "room"), [("street", 1.2), ("forest", 0.4)])
-def test_nothing_stands_in_the_way(name, room, request):
+def test_no_object_is_on_the_track(name, room, request):
     scene = request.getfixturevalue(f"{name}_scene")
     moving = {int(mover.surfaces.objects[0]) for mover in scene.world.movers}
     angles = np.linspace(0, 2 * np.pi, 90, endpoint=False)
     ring = np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
     for along in np.arange(0.0, scene.track.length, 6.0):
-        pose = scene.standing_at(along)
+        pose = scene.sensor_pose(along)
         for below in (0.1, 0.5, 0.7 * scene.carrier.sensor_height):
             origin = pose.apply(np.array([0.0, 0.0, -below]))
             hits = scene.world.cast(
@@ -177,7 +177,7 @@ def test_traffic_keeps_its_distance_from_the_drive(street_scene):
             assert np.linalg.norm(velocity) > 1.0
 
 
-def test_no_two_stretches_of_a_street_are_alike(street_scene):
+def test_objects_of_a_street_are_unevenly_spaced(street_scene):
     surfaces = street_scene.world.surfaces
     for label in (SurfaceClass.TRUNK, SurfaceClass.POLE, SurfaceClass.BUILDING):
         of_class = surfaces.labels == label
@@ -203,7 +203,7 @@ def _digest(scene):
 
 
 @pytest.mark.parametrize("name", ["street", "forest"])
-def test_a_seed_fixes_every_byte_of_a_scene(name, request):
+def test_the_same_seed_gives_the_same_bytes_of_a_scene(name, request):
     again = SCENES[name](np.random.default_rng(np.random.SeedSequence(_SEED).spawn(4)[0]))
     assert _digest(again) == _digest(request.getfixturevalue(f"{name}_scene"))
 
@@ -213,8 +213,8 @@ def test_another_seed_gives_another_scene(forest_scene):
 
 
 def test_a_scene_without_ground_cannot_be_driven(forest_scene):
-    bare = Scene("bare", World.of(), forest_scene.track, ROBOT)
-    with pytest.raises(InvalidInput, match="scene bare has no ground"):
+    bare = Scene(name="bare", world=World.of(), track=forest_scene.track, carrier=ROBOT)
+    with pytest.raises(InvalidInput, match="scene bare must have ground"):
         bare.drive(np.random.default_rng(0), count=1, spacing=1.0)
 
 
@@ -225,12 +225,12 @@ def test_a_scene_without_ground_cannot_be_driven(forest_scene):
         ({"spacing": 0.0}, "spacing must be positive, got 0.0 m"),
     ],
 )
-def test_a_drive_that_is_none_is_refused(forest_scene, change, message):
+def test_invalid_drives_are_refused(forest_scene, change, message):
     with pytest.raises(InvalidInput, match=message):
         forest_scene.drive(np.random.default_rng(0), **({"count": 2, "spacing": 1.0} | change))
 
 
 @pytest.mark.parametrize("name", ["sensor_height", "wheelbase", "gauge", "speed", "sway", "wander"])
-def test_a_carrier_out_of_range_is_refused(name):
+def test_carrier_settings_out_of_range_are_refused(name):
     with pytest.raises(InvalidInput, match=f"{name} must be"):
         dataclasses.replace(CAR, **{name: -1.0})

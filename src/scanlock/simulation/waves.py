@@ -1,4 +1,4 @@
-"""Random smooth functions of the plane, for hills, bumps and densities."""
+"""Random smooth functions of the plane, for terrain and densities."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from scanlock.arrays import Matrix, Vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
-    """A sum of plane waves of random direction, length and phase: smooth, never periodic.
+    """A sum of plane waves with random directions, lengths and phases.
 
     Attributes
     ----------
@@ -17,6 +17,7 @@ class Waves:
         Wave vectors.
     phases : (k,) [rad]
     heights : (k,) [m]
+        Amplitudes.
     """
 
     numbers: Matrix
@@ -25,27 +26,27 @@ class Waves:
 
     @classmethod
     def drawn(
-        cls, rng: np.random.Generator, deviation: float, shortest: float, longest: float
+        cls, rng: np.random.Generator, deviation: float, min_length: float, max_length: float
     ) -> "Waves":
-        """Return waves of the given standard deviation [m] and range of wavelengths [m]."""
+        """Draw waves of a standard deviation [m] and a range of wavelengths [m]."""
         count = 16
-        lengths = np.exp(rng.uniform(np.log(shortest), np.log(longest), count))
+        lengths = np.exp(rng.uniform(np.log(min_length), np.log(max_length), count))
         angles = rng.uniform(0.0, 2.0 * np.pi, count)
         numbers = (2.0 * np.pi / lengths)[:, None] * np.column_stack(
             [np.cos(angles), np.sin(angles)]
         )
-        # Long waves are high ones, as in landscapes.
+        # Amplitudes increase with wavelength, as in landscapes.
         heights = np.sqrt(lengths)
         heights *= deviation * np.sqrt(2.0) / np.linalg.norm(heights)
         return cls(numbers, rng.uniform(0.0, 2.0 * np.pi, count), heights)
 
-    def at(self, places: Matrix) -> Vector:
-        """Return the value (n,) at (n, 2+) places."""
-        across = places[:, :1] * self.numbers[:, 0] + places[:, 1:2] * self.numbers[:, 1]
+    def at(self, positions: Matrix) -> Vector:
+        """Return the values (n,) at (n, 2+) positions."""
+        across = positions[:, :1] * self.numbers[:, 0] + positions[:, 1:2] * self.numbers[:, 1]
         return (self.heights * np.sin(across + self.phases)).sum(axis=1)
 
 
-def ramp(values: Vector, low: float, high: float) -> Vector:
-    """Return 0 below `low`, 1 above `high` and a smooth rise between."""
+def smoothstep(values: Vector, low: float, high: float) -> Vector:
+    """Return 0 below `low`, 1 above `high`, and a cubic transition between them."""
     x = np.clip((values - low) / (high - low), 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)
