@@ -38,7 +38,7 @@ def test_two_files_and_their_true_pose(scanlock, folder, tmp_path):
     assert len(rows) == 2 * 2 * 2
     assert {row["solved"] for row in rows} == {"1"}
     assert float(rows[-1]["initial rotation error [deg]"]) == 10.0
-    assert re.search(r"sgc-ndt-p2d: starts that are solved\n +wrong by +0 deg +10 deg\n", done.out)
+    assert re.search(r"sgc-ndt-p2d: solved initial poses\n +error +0 deg +10 deg\n", done.out)
     assert re.search(r"1 m +1 / 1 +1 / 1\n", done.out)
     for name in ("errors.png", "basin.svg"):
         assert (tmp_path / "figures" / name).is_file()
@@ -100,7 +100,7 @@ def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, fold
 
 
 def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
-    write_settings(tmp_path / "mine.toml", replace(METHOD, spacing=0.7))
+    write_settings(tmp_path / "mine.toml", replace(METHOD, voxel_size=0.7))
     done = scanlock(
         "compare", folder / "drive", "--pairs", "1", "--methods", "sgc-ndt-d2d",
         "--settings", tmp_path / "mine.toml", "-o", tmp_path / "out",
@@ -108,11 +108,11 @@ def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
     assert done.code == 0
     rows = _table(tmp_path / "out" / "tables" / "pairs.csv")
     assert [row["method"] for row in rows] == ["sgc-ndt-d2d", "mine"]
-    assert read_settings(tmp_path / "out" / "settings" / "mine.toml").spacing == 0.7
+    assert read_settings(tmp_path / "out" / "settings" / "mine.toml").voxel_size == 0.7
     (tmp_path / "mine.toml").rename(tmp_path / "sgc-ndt-d2d.toml")
     done = scanlock("compare", folder / "drive", "--settings", tmp_path / "sgc-ndt-d2d.toml")
     assert done.code == 1
-    assert "two methods would be called sgc-ndt-d2d" in done.err
+    assert "two methods have the name sgc-ndt-d2d" in done.err
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
     [
         (["drive/scan0.npy"], "two scan files or more, or one folder"),
         ([], "two scan files or more, or one folder"),
-        (["drive", "--starts", "2"], "--starts need true poses"),
+        (["drive", "--starts", "2"], "--starts needs true poses"),
         (["drive", "--truth", "truth.txt"], "--truth is the pose of one pair"),
         (["drive/scan0.npy", "drive/scan1.npy", "--poses", "poses.txt"], "one for each of 2 scans"),
         (["drive", "--methods", "magic"], "magic"),

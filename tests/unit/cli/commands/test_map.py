@@ -23,7 +23,7 @@ def drive(tmp_path_factory):
 def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_path):
     done = scanlock("map", drive, "-o", tmp_path / "out")
     assert (done.code, done.err) == (0, "")
-    assert done.out.startswith("ok  3 of 3 pairs are to be trusted")
+    assert done.out.startswith("ok  3 of 3 pairs are verified")
     poses = read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")
     for pose, truth in zip(poses, _POSES, strict=True):
         assert pose.is_close(truth, translation=0.2, rotation=0.02)
@@ -49,7 +49,7 @@ def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_pa
     # A map is the work of minutes: it is never overwritten.
     again = scanlock("map", drive, "-o", tmp_path / "out")
     assert again.code == 1
-    assert "holds a map already" in again.err
+    assert "contains a map already" in again.err
 
 
 def test_the_same_folder_twice_gives_the_same_bytes(scanlock, drive, tmp_path):
@@ -72,8 +72,8 @@ def broken_chain(tmp_path):
 def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--guess", "identity")
     assert (done.code, done.err) == (2, "")
-    assert done.out.startswith("doubtful  2 of 3 pairs")
-    assert "the motions to 2: all after them stands on these" in done.out
+    assert done.out.startswith("unverified  2 of 3 pairs")
+    assert "the motions to 2: all later poses depend on these" in done.out
     assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 4
     statuses = (tmp_path / "out" / "pairs.csv").read_text()
     assert statuses.count(",ok,") == 2
@@ -82,9 +82,9 @@ def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_cha
 def test_a_drive_can_be_stopped_before_the_first_doubtful_scan(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--doubt", "stop")
     assert done.code == 2
-    assert done.out.startswith("doubtful  1 of 2 pairs")
+    assert done.out.startswith("unverified  1 of 2 pairs")
     joined = " ".join(done.out.split())
-    assert "the motions to 2: stopped there, 2 of 4 scans left out" in joined
+    assert "the motions to 2: stopped there, 2 of 4 scans not used" in joined
     assert len(read_kitti_poses(tmp_path / "out" / "trajectory_kitti.txt")) == 2
     with (tmp_path / "out" / "pairs.csv").open(newline="") as handle:
         rows = list(csv.DictReader(handle))
@@ -144,7 +144,7 @@ def test_without_matplotlib_there_is_no_picture_and_all_else(
     [
         (["--scans", "1"], "--scans must be a whole number of at least 2"),
         (["--every", "0"], "--every"),
-        (["--every", "9"], "at least 2 scans to map, got 1"),
+        (["--every", "9"], "at least 2 scans, got 1"),
         (["--width", "0"], "--width must be positive"),
     ],
 )

@@ -341,7 +341,7 @@ def test_a_scan_is_never_overwritten_by_a_pose(scanlock, scans, pair):
     before = pair[1].read_bytes()
     done = scanlock("register", *pair, "-o", pair[1])
     assert done.code == 1
-    assert "would be lost; name another file" in done.err
+    assert "would be overwritten; use another name" in done.err
     assert pair[1].read_bytes() == before
 
 

@@ -119,7 +119,7 @@ def test_the_scan_itself_is_never_overwritten(scanlock, tmp_path):
     before = path.read_bytes()
     done = scanlock("segment", path, "-o", tmp_path / "." / "scan.npy")
     assert done.code == 1
-    assert "would be lost; name another file" in done.err
+    assert "would be overwritten; use another name" in done.err
     assert path.read_bytes() == before
 
 

@@ -14,7 +14,7 @@ def test_settings_are_printed_as_they_are(scanlock):
 def test_settings_that_were_written_register(scanlock, scans, tmp_path):
     path = tmp_path / "mine.toml"
     assert scanlock("settings", "sgc-ndt-p2d", "-o", path).out == f"wrote {path}\n"
-    path.write_text(path.read_text().replace("spacing = 0.5", "spacing = 0.4"))
+    path.write_text(path.read_text().replace("voxel_size = 0.5", "voxel_size = 0.4"))
     pair = (scans / "source.npy", scans / "target.npy")
     found = json.loads(scanlock("register", *pair, "--settings", path, "--json").out)
     assert found["method"] == "SgcNdt"
@@ -26,10 +26,10 @@ def test_settings_that_were_written_register(scanlock, scans, tmp_path):
 def test_mistakes_are_one_line(scanlock, scans, tmp_path):
     pair = (scans / "source.npy", scans / "target.npy")
     path = tmp_path / "mine.toml"
-    path.write_text('type = "SgcNdt"\nspacing = -1\n')
+    path.write_text('type = "SgcNdt"\nvoxel_size = -1\n')
     done = scanlock("register", *pair, "--settings", path)
     assert done.code == 1
-    assert "spacing must be positive, got -1.0 m" in done.err
+    assert "voxel_size must be positive, got -1.0 m" in done.err
     assert done.err.count("\n") == 1
     both = scanlock("register", *pair, "--settings", path, "--method", "gicp")
     assert "either --method or --settings" in both.err

@@ -103,7 +103,7 @@ def test_a_folder_with_scans_is_left_alone(scanlock, drive):
     before = (drive / "settings.json").stat().st_mtime_ns
     done = scanlock("simulate", "forest", "-o", drive)
     assert (done.code, done.out) == (1, "")
-    assert "holds scans already" in done.err
+    assert "contains scans already" in done.err
     assert (drive / "settings.json").stat().st_mtime_ns == before
 
 

@@ -101,7 +101,7 @@ def test_an_interrupt_of_a_terminal_reaches_none_of_them_but_the_first(scanlock,
     taken = multiprocessing.Array("b", 1)
     context = SimpleNamespace(Array=lambda *_: taken, Process=Helper)
     monkeypatch.setattr("multiprocessing.get_context", lambda _: context)
-    monkeypatch.setattr("scanlock.registration.warm_up.warm_up_verdicts", lambda: None)
+    monkeypatch.setattr("scanlock.registration.warm_up.warm_up_verification", lambda: None)
     monkeypatch.setattr(warm_up, "_compiles_here", lambda: True)
     monkeypatch.setattr(warm_up, "_cores", lambda: 2)
     monkeypatch.setattr(warm_up, "_steps", lambda: [lambda: None])
