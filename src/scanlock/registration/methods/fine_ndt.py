@@ -20,8 +20,8 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
-from scanlock.registration.methods.scales import MIN_COVERAGE
-from scanlock.registration.methods.voxel_scan import measured_points, require_widths
+from scanlock.registration.methods.scales import MIN_COVERAGE, require_coarse_to_fine
+from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 from scanlock.threads import spread
 
@@ -86,7 +86,7 @@ class FineNdt:
     """All shapes but the last stop at steps below this [m]."""
 
     def __post_init__(self) -> None:
-        require_widths(self.cell_sizes[::-1])
+        require_coarse_to_fine("cell_sizes, reversed,", self.cell_sizes[::-1])
         require_at_least("offsets", len(self.offsets), 1)
         require_at_least("shapes", len(self.shapes), 1)
         require_positive("weight_power", self.weight_power)

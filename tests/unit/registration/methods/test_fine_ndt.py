@@ -63,8 +63,8 @@ def test_joined_gaussians_are_those_of_the_parts_in_their_order():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"widths": ()}, "widths must not grow"),
-        ({"widths": (2.0, 1.0)}, "widths must not grow"),
+        ({"cell_sizes": ()}, "cell_sizes, reversed, must be descending and not empty"),
+        ({"cell_sizes": (2.0, 1.0)}, "cell_sizes, reversed, must be descending"),
         ({"offsets": ()}, "offsets must be"),
         ({"weight_power": -1.0}, "weight_power must be"),
         ({"shapes": ()}, "shapes must be"),
