@@ -11,7 +11,9 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine, Scale
+from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.rejection import TrimmedRejection
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.file import (
@@ -51,9 +53,10 @@ def test_every_method_comes_back_the_same(name):
         ),
         _with_segmenter(clusters=ClusterFinder(merge=L2Distance())),
         _with_segmenter(ground=GroundFinder.das2013()),
-        Gicp(max_correspondence_distances=(3,)),
+        Gicp(search=NearestNeighbourSearch(max_correspondence_distances=(3,))),
+        Gicp(search=VoxelSearch(), rejection=TrimmedRejection()),
     ],
-    ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp"],
+    ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp", "vgicp"],
 )
 def test_other_choices_come_back_too(settings, tmp_path):
     write_settings(tmp_path / "settings.toml", settings)
@@ -160,7 +163,8 @@ def _mistake(line, table="", head='type = "SgcNdt"'):
          r"schedule\.scales\[0\]\.is_entry must be true or false, got 1"),
         (_mistake('seed_count = "all"', "[landmarks.segmenter.ground]"),
          "ground.seed_count must be a whole number or \"none\", got 'all'"),
-        (_mistake('gates = ["wide"]', head='type = "Gicp"'), r"gates\[0\] must be a number"),
+        (_mistake('max_correspondence_distances = ["wide"]', "[search]", 'type = "Gicp"'),
+         r"search\.max_correspondence_distances\[0\] must be a number"),
     ],
 )  # fmt: skip
 def test_a_mistake_names_its_key_and_the_remedy(text, message):
