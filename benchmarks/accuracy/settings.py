@@ -22,7 +22,7 @@ from scanlock.optimisation.solvers.line_search import Armijo, StrongWolfe
 from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine
-from scanlock.registration.methods.correspondences import CorrespondenceFinder
+from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.mskm_ndt import MskmNdt
@@ -51,12 +51,14 @@ SOLVERS = {
 VARIANTS: dict[str, Method] = {
     **{name: METHODS[name] for name in METHODS},
     **{
-        f"gicp, max. distance {metres:g} m": Gicp(max_correspondence_distances=(metres,))
+        f"gicp, max. distance {metres:g} m": Gicp(
+            search=NearestNeighbourSearch(max_correspondence_distances=(metres,))
+        )
         for metres in (1.0, 2.5, 5.0, 10.0)
     },
     "gicp, 20 neighbours": Gicp(neighbours=20),
     "gicp, ellipsoids": Gicp(shape="ellipsoid"),
-    "vgicp, voxels of 1 m": Gicp(search="voxel", target_voxel_sizes=(1.0,)),
+    "vgicp, voxels of 1 m": Gicp(search=VoxelSearch(voxel_sizes=(1.0,))),
     "ndt, das2013: 3 m, own cell, all points": Ndt.das2013(),
     "ndt, 3 m, near cells, all points": Ndt(cell_sizes=(3.0,), voxel_size=0.0),
     "ndt, 3 m, own cell": Ndt(cell_sizes=(3.0,), association="own-cell"),
@@ -69,14 +71,8 @@ VARIANTS: dict[str, Method] = {
     "icp, madhavan2003, downsampled, k-d tree": replace(
         Icp.madhavan2003(), search="k-d tree", voxel_size=0.5
     ),
-    "icp, max. distance 10 m": Icp(
-        correspondences=CorrespondenceFinder(
-            rejection=FixedRejection(max_correspondence_distance=10.0)
-        )
-    ),
-    "icp, trimmed to 70 %": Icp(
-        correspondences=CorrespondenceFinder(rejection=TrimmedRejection(inlier_ratio=0.7))
-    ),
+    "icp, max. distance 10 m": Icp(rejection=FixedRejection(max_correspondence_distance=10.0)),
+    "icp, trimmed to 70 %": Icp(rejection=TrimmedRejection(inlier_ratio=0.7)),
     "icp, point to plane": Icp(estimation=_PLANES),
     **{
         f"sgc-ndt-d2d, {name}": SgcNdt(schedule=CoarseToFine(solver=solver))

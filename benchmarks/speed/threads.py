@@ -25,7 +25,7 @@ from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.register import register
 from scanlock.simulation import scan_pair
-from scanlock.threads import spread, using_threads
+from scanlock.threads import parallel_map, using_threads
 
 COUNTS = (300, 1000, 3000, 10_000, 30_000)
 DENSITY = 0.1
@@ -57,10 +57,10 @@ def stages() -> dict[str, Callable[[int], object]]:
 
     return {
         "preparation of both scans, sgc-ndt-d2d": with_threads(
-            lambda: spread(SgcNdt().prepare, clouds)
+            lambda: parallel_map(SgcNdt().prepare, clouds)
         ),
-        "preparation of both scans, auto": with_threads(lambda: spread(auto.prepare, clouds)),
-        "fine voxels of both scans": with_threads(lambda: spread(fine.prepare, clouds)),
+        "preparation of both scans, auto": with_threads(lambda: parallel_map(auto.prepare, clouds)),
+        "fine voxels of both scans": with_threads(lambda: parallel_map(fine.prepare, clouds)),
         "fine refinement": with_threads(
             lambda: fine.align(prepared[0], prepared[1], pair.target_from_source)
         ),

@@ -1,4 +1,4 @@
-"""Laws of the parts of ICP: closed forms agree, and so do all ways to find the nearest point."""
+"""Laws of ICP: the closed forms agree, and so do the nearest-neighbour searches."""
 
 import numpy as np
 from hypothesis import given
@@ -23,48 +23,47 @@ def _weighted_pairs(draw):
     return Pose.from_step(draw(_steps)).apply(source) + noise, source, weights
 
 
-def _hold(moments):
-    """Margin by which the best rotation beats the second best, of 1."""
-    u, sizes, vt = np.linalg.svd(moments.cross_covariance)
+def _margin(moments):
+    """Relative margin between the best and the second-best rotation, at most 1."""
+    u, sizes, vt = np.linalg.svd(moments.spread)
     sign = np.sign(np.linalg.det(u @ vt))
     return (sizes[1] + sign * sizes[2]) / sizes[0] if sizes[0] > 0.0 else 0.0
 
 
 @given(_weighted_pairs())
-def test_singular_values_and_quaternion_give_one_pose(pairs):
-    if (hold := _hold(PairMoments.of(*pairs))) > 1e-6:
-        # What is held by little answers rounding with the inverse of that little.
+def test_singular_values_and_quaternion_give_the_same_pose(pairs):
+    if (margin := _margin(PairMoments.of(*pairs))) > 1e-6:
+        # Rounding errors are amplified by the inverse of the margin.
         arun, horn = fit_arun(*pairs), fit_horn(*pairs)
-        assert arun.is_close(horn, translation=1e-11 / hold, rotation=1e-13 / hold)
+        assert arun.is_close(horn, translation=1e-11 / margin, rotation=1e-13 / margin)
 
 
 @given(_weighted_pairs())
-def test_exchanging_the_sides_inverts_the_fit(pairs):
+def test_swapping_target_and_source_inverts_the_fit(pairs):
     target, source, weights = pairs
-    if (hold := _hold(PairMoments.of(*pairs))) > 1e-6:
-        there_and_back = fit_arun(target, source, weights) @ fit_arun(source, target, weights)
-        assert there_and_back.is_close(
-            Pose.identity(), translation=1e-11 / hold, rotation=1e-13 / hold
+    if (margin := _margin(PairMoments.of(*pairs))) > 1e-6:
+        round_trip = fit_arun(target, source, weights) @ fit_arun(source, target, weights)
+        assert round_trip.is_close(
+            Pose.identity(), translation=1e-11 / margin, rotation=1e-13 / margin
         )
 
 
 @given(_weighted_pairs(), _steps, _steps)
-def test_moving_either_side_moves_the_fit_with_it(pairs, left, right):
+def test_the_fit_is_equivariant_to_motions_of_either_scan(pairs, left, right):
     target, source, weights = pairs
-    if (hold := _hold(PairMoments.of(*pairs))) > 1e-6:
+    if (margin := _margin(PairMoments.of(*pairs))) > 1e-6:
         a, b = Pose.from_step(left), Pose.from_step(right)
         moved = fit_arun(a.apply(target), b.apply(source), weights)
         expected = a @ fit_arun(target, source, weights) @ b.inverse()
-        assert moved.is_close(expected, translation=1e-10 / hold, rotation=1e-12 / hold)
+        assert moved.is_close(expected, translation=1e-10 / margin, rotation=1e-12 / margin)
 
 
 @given(_weighted_pairs(), st.floats(-3.0, 3.0))
-def test_a_turn_about_z_turns_the_yaw_fit(pairs, angle):
+def test_the_yaw_fit_is_equivariant_to_rotations_about_z(pairs, angle):
     target, source, weights = pairs
     moments = PairMoments.of(*pairs)
     parts = np.hypot(
-        moments.cross_covariance[0, 0] + moments.cross_covariance[1, 1],
-        moments.cross_covariance[0, 1] - moments.cross_covariance[1, 0],
+        moments.spread[0, 0] + moments.spread[1, 1], moments.spread[0, 1] - moments.spread[1, 0]
     )
     if parts > 1e-3:
         turn = Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, angle]))
@@ -85,7 +84,7 @@ def test_tree_and_tessellation_find_the_same_distances(points, queries):
 
 
 @given(st.integers(0, 10**6), st.integers(5, 200), st.sampled_from([1.0, 0.5, 0.1]))
-def test_they_find_the_same_distances_where_points_repeat_a_lattice(seed, count, width):
+def test_tree_and_tessellation_agree_on_lattices_with_duplicates(seed, count, width):
     rng = np.random.default_rng(seed)
     points = width * rng.integers(0, 6, (count, 3))
     tree = PointTree.from_points(points)

@@ -9,12 +9,14 @@ from reference.real_pairs import PAIRS, STEP_AWAY, real_pair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import unpacked
+from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
 
 small_gicp = pytest.importorskip("small_gicp")
 pytestmark = pytest.mark.data
 
 _METRES, _RADIANS = 0.001, math.radians(0.005)
+_WITHIN_A_METRE = NearestNeighbourSearch(max_correspondence_distances=(1.0,))
 
 _with_each_pair = pytest.mark.parametrize("pair", PAIRS)
 
@@ -45,7 +47,7 @@ def _to_the_end(*clouds, start, gate):
 @pytest.mark.parametrize("neighbours", [10, 20])
 def test_closest_pairs_end_in_the_same_minimum(scan_data, pair, neighbours):
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(max_correspondence_distances=(1.0,), neighbours=neighbours, step_tolerance=1e-5)
+    method = Gicp(search=_WITHIN_A_METRE, neighbours=neighbours, step_tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -60,7 +62,7 @@ def test_open3d_ends_in_the_same_minimum(scan_data, pair):
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     registration = open3d.pipelines.registration
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(max_correspondence_distances=(1.0,), step_tolerance=1e-6)
+    method = Gicp(search=_WITHIN_A_METRE, step_tolerance=1e-6)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -87,7 +89,7 @@ def test_open3d_ends_in_the_same_minimum(scan_data, pair):
 @_with_each_pair
 def test_voxels_end_in_the_same_minimum(scan_data, pair):
     target, source, truth = real_pair(scan_data, pair)
-    method = Gicp(search="voxel", target_voxel_sizes=(1.0,), step_tolerance=1e-5)
+    method = Gicp(search=VoxelSearch(voxel_sizes=(1.0,)), step_tolerance=1e-5)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
     ours = method.align(*kept, start)
@@ -100,7 +102,7 @@ def test_voxels_end_in_the_same_minimum(scan_data, pair):
 
 
 @_with_each_pair
-@pytest.mark.parametrize("method", [Gicp(), Gicp(search="voxel")], ids=["gicp", "vgicp"])
+@pytest.mark.parametrize("method", [Gicp(), Gicp(search=VoxelSearch())], ids=["gicp", "vgicp"])
 def test_from_the_identity_the_trusted_pose_is_found(scan_data, pair, method):
     target, source, truth = real_pair(scan_data, pair)
     kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]

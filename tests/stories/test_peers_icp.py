@@ -10,7 +10,6 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.point_pairs import PointPairs
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
-from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
 from scanlock.registration.methods.rejection import FixedRejection
@@ -32,9 +31,7 @@ _with_each_gate = pytest.mark.parametrize("gate", [0.5, 1.0])
 
 def _icp(gate, residual="point-to-point", step="gauss-newton"):
     return Icp(
-        correspondences=CorrespondenceFinder(
-            rejection=FixedRejection(max_correspondence_distance=gate)
-        ),
+        rejection=FixedRejection(max_correspondence_distance=gate),
         estimation=TransformEstimation(algorithm=step, residual=residual),
         criteria=IcpConvergenceCriteria(step_tolerance=1e-8, max_iterations=500),
     )
@@ -135,12 +132,9 @@ def test_points_and_planes_end_where_open3d_ends(scan_data, pair, gate, kind, re
 
 def _by_axes(kept, start, gate, normals):
     """Where our pairs and steps end with another residual: ``n_x d_x, n_y d_y, n_z d_z``."""
-    pairing, pose = (
-        CorrespondenceFinder(rejection=FixedRejection(max_correspondence_distance=gate)),
-        start,
-    )
+    method, pose = _icp(gate), start
     for _ in range(100):
-        pairs = pairing.find(*kept, pose, math.inf, math.inf, "point-to-point")
+        pairs = method.correspondences(*kept, pose)
         precisions = np.zeros((len(pairs), 6))
         precisions[:, [0, 3, 5]] = normals[pairs.target_rows] ** 2
         objective = PointPairs(

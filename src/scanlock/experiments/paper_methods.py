@@ -6,7 +6,7 @@ from scanlock.experiments.experiment import Contender
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine
-from scanlock.registration.methods.correspondences import CorrespondenceFinder
+from scanlock.registration.methods.correspondences import NearestNeighbourSearch
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp import Icp, IcpConvergenceCriteria
 from scanlock.registration.methods.ndt import Ndt
@@ -65,9 +65,7 @@ def sgc_contenders() -> list[Contender]:
 def icp_contender() -> Contender:
     """Return ICP with the settings of the paper."""
     method = Icp(
-        correspondences=CorrespondenceFinder(
-            rejection=FixedRejection(max_correspondence_distance=_MAX_DISTANCE)
-        ),
+        rejection=FixedRejection(max_correspondence_distance=_MAX_DISTANCE),
         voxel_size=_VOXEL_SIZE,
         criteria=IcpConvergenceCriteria(step_tolerance=_TOLERANCE, max_iterations=_MAX_ITERATIONS),
     )
@@ -77,7 +75,7 @@ def icp_contender() -> Contender:
 def gicp_contender() -> Contender:
     """Return G-ICP with the settings of the paper."""
     method = Gicp(
-        max_correspondence_distances=(_MAX_DISTANCE,),
+        search=NearestNeighbourSearch(max_correspondence_distances=(_MAX_DISTANCE,)),
         voxel_size=_VOXEL_SIZE,
         step_tolerance=_TOLERANCE,
         max_iterations=_MAX_ITERATIONS,

@@ -7,6 +7,7 @@ from typing import Any
 
 from scanlock.errors import InvalidInput
 from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.correspondences import VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.icp_annealing import AnnealedStart
@@ -60,7 +61,7 @@ _REGISTERED = _Methods(
         "sgc-ndt-d2d": SgcNdt(score="d2d"),
         "sgc-ndt-p2d": SgcNdt(score="p2d"),
         "gicp": Gicp(),
-        "vgicp": Gicp(search="voxel"),
+        "vgicp": Gicp(search=VoxelSearch()),
         "icp": Icp(),
         "icp-annealed": Icp(annealing=AnnealedStart()),
         "ndt": Ndt(),

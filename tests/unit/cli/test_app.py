@@ -75,7 +75,7 @@ def test_version(scanlock):
     ("arguments", "parts"),
     [
         (["regster", "a", "b"], ["regster", "register", "scanlock --help"]),
-        (["register", "a"], ["SCENE", "scanlock register --help"]),
+        (["register", "a"], ["TARGET", "scanlock register --help"]),
         (["register", "a", "b", "--metod", "x"], ["--metod", "--method"]),
         (["register", "a", "b", "--method", "sgc-ndt-d3d"], ["sgc-ndt-d2d", "sgc-ndt-p2d"]),
         (["register", "a", "b", "c"], ["c"]),

@@ -9,10 +9,10 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
-from scanlock.registration.methods.auto_data import AutoData
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
+from scanlock.registration.registry import METHODS
 from scanlock.registration.verification.features import extract_features
 from scanlock.registration.verification.status import Status
 
@@ -24,7 +24,7 @@ def scans():
     return _MOTION.inverse().apply(street(2)), street(1)
 
 
-def test_a_prepared_scan_registers_as_the_scan_itself(scans):
+def test_a_prepared_scan_gives_the_result_of_the_scan(scans):
     source, target = scans
     whole = register(source=source, target=target)
     ready = [prepare(scan) for scan in scans]
@@ -37,7 +37,7 @@ def test_a_prepared_scan_registers_as_the_scan_itself(scans):
     assert "ground" in register(source=source, target=ready[1]).timings
 
 
-def test_a_scan_prepared_by_another_method_is_refused(scans):
+def test_a_scan_prepared_by_another_method_raises(scans):
     source, target = scans
     ready = prepare(target, method="sgc-ndt-p2d")
     assert register(source=source, target=ready).method == "sgc-ndt-p2d"
@@ -48,19 +48,20 @@ def test_a_scan_prepared_by_another_method_is_refused(scans):
     assert register(source=source, target=ready, method=SgcNdt(score="p2d")).ok
 
 
-def test_a_prepared_scan_tells_what_was_found():
+def test_a_prepared_scan_has_data_notes_and_the_reason_without_data():
     ready = prepare(np.insert(street(1), 7, np.nan, axis=0) + 1e5)
-    assert isinstance(ready.data, AutoData)
+    assert type(ready.data) is type(METHODS["auto"].prepare(ready.cloud))
     assert ready.insufficient == ""
     assert ready.notes[0] == "1 rows with NaN or Inf left out"
     assert ready.notes[1].startswith("computed about the origin")
     assert sum(note.startswith("ground found") for note in ready.notes) == 1
     short = prepare(np.eye(3))
-    assert short.insufficient.startswith("holds 0 parts besides the ground, of 4 needed")
+    assert short.data is None
+    assert short.insufficient.startswith("has 0 Gaussians above the ground; 4 are needed")
     assert short.features is None
 
 
-def test_evidence_is_clusters_or_else_cubes():
+def test_verification_features_are_clusters_or_else_voxels():
     ready = prepare(street(1))
     found = extract_features(ready.cloud)
     np.testing.assert_array_equal(found.gaussians.means, ready.features.gaussians.means)
@@ -68,20 +69,18 @@ def test_evidence_is_clusters_or_else_cubes():
     bare = np.column_stack([rng.uniform(-30, 30, (20000, 2)), rng.normal(-1.7, 0.02, 20000)])
     cubes = extract_features(prepare(bare).cloud)
     assert len(cubes.gaussians) > 1000
-    assert (
-        cubes.notes[-1] == f"too few clusters: verified with {len(cubes.gaussians)} voxel Gaussians"
-    )
+    assert cubes.notes[-1] == f"judged by {len(cubes.gaussians)} cubes of the scan"
 
 
 def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
-    # The same registration twice: far out on a map, and by hand about the clouds' own origins.
+    # The same registration twice: in map coordinates, and in coordinates about the origins.
     here = Pose(np.eye(3), np.array([500_000.0, 5_400_000.0, 100.0]))
-    believed = yaw_pose(0.25, (2.5, -1.0, 0.1))
+    mean = yaw_pose(0.25, (2.5, -1.0, 0.1))
     covariance = np.diag([0.01, 0.01, 0.01, 1e-4, 1e-4, 1e-4])
     source, target = (PointCloud.from_array(here.apply(scan)) for scan in scans)
-    prior = PosePrior(here @ believed @ here.inverse(), covariance)
+    prior = PosePrior(here @ mean @ here.inverse(), covariance)
     mapped = register(source=source, target=target, prior=prior, method="sgc-ndt-d2d")
-    between = Pose(believed.rotation, believed.apply(source.origin - here.translation))
+    between = Pose(mean.rotation, mean.apply(source.origin - here.translation))
     shifted = Pose(between.rotation, between.translation + here.translation - target.origin)
     local = register(
         source=source.points,
@@ -93,11 +92,11 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
     found = mapped.target_from_source.apply(source.points + source.origin)
     expected = local.target_from_source.apply(source.points) + target.origin
     assert np.abs(found - expected).max() < 1e-6
-    # And it pulls: without it the pose lies farther from what is believed.
+    # The prior has an effect: without it the pose is farther from the mean.
     free = register(source=source, target=target, method="sgc-ndt-d2d")
-    gaps = [here.inverse() @ one.target_from_source @ here for one in (mapped, free)]
-    pulled, unpulled = (pose.distance(believed)[0] for pose in gaps)
-    assert pulled < 0.97 * unpulled
+    local_poses = [here.inverse() @ one.target_from_source @ here for one in (mapped, free)]
+    with_prior, without = (pose.distance(mean)[0] for pose in local_poses)
+    assert with_prior < 0.97 * without
 
 
 def test_locked_directions_stay_as_in_the_initial_pose(scans):

@@ -1,44 +1,296 @@
-"""Who is paired with whom, and how much each pair counts: step 1 of Madhavan and Messina 2003."""
+"""Correspondences between two scans: search, rejection by distance and robust weights.
 
-from dataclasses import dataclass, field
-from typing import Literal
+Step 1 of ICP (Madhavan and Messina 2003, section 2.1) and of generalised ICP (Segal et al. 2009,
+Algorithm 1). The search, the rejection and the weights are independent of each other.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
-from scanlock.clouds.neighbours import NearestNeighbours
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.clouds.cached_neighbours import cached_neighbours
+from scanlock.clouds.neighbours import NearestNeighbours, Search, nearest_neighbours
 from scanlock.clouds.point_tree import PointTree
-from scanlock.errors import InvalidInput, require_positive
-from scanlock.geometry.pose import Pose
-from scanlock.optimisation.objectives.robust_weights import RobustWeights
-from scanlock.registration.methods.rejection import AdaptiveRejection, Rejection
+from scanlock.errors import InvalidInput
+from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
+from scanlock.registration.methods.protocol import InsufficientData
+from scanlock.registration.methods.rejection import Rejection
+from scanlock.registration.methods.scales import require_coarse_to_fine
 
 Residual = Literal["point-to-point", "point-to-plane"]
-"""The distance of a pair, or its part along the normal of the target's surface."""
+"""Residual of a correspondence: its distance, or the component along the normal of the target."""
 
 MIN_CORRESPONDENCES = 10
-"""Of fewer points, or fewer pairs, no pose is worth the name."""
+"""Minimum number of points of a scan, and of correspondences of a pose."""
 
 _SHELLS = 10
-"""Shells of equal count about the sensor, over which the spacing of a scan is a mean."""
+"""Number of shells of equal count around the sensor for the typical spacing of a scan."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """Correspondences at one pose. Build with `find_correspondences`.
+
+    Attributes
+    ----------
+    target_rows, source_rows : (m,)
+        Rows of the target point and of the source point of each correspondence.
+    distances : (m,) [m]
+        Distance of each correspondence.
+    weights : (m,)
+        Robust weights in [0, 1].
+    threshold : float [m]
+        Distance above which correspondences were rejected.
+    """
+
+    target_rows: Labels
+    source_rows: Labels
+    distances: Vector
+    weights: Vector
+    threshold: float
+
+    def __post_init__(self) -> None:
+        for array in (self.target_rows, self.source_rows, self.distances, self.weights):
+            frozen(array)
+
+    def __len__(self) -> int:
+        return len(self.target_rows)
+
+    @property
+    def mean_distance(self) -> float:
+        """Unweighted mean of the distances [m]; NaN without correspondences."""
+        return float(self.distances.mean()) if len(self) else math.nan
+
+    @property
+    def weighted_count(self) -> int:
+        """Number of correspondences with a positive weight."""
+        return int(np.count_nonzero(self.weights))
+
+    def selected(self, mask: Mask) -> "Correspondences":
+        """Return the correspondences of an (m,) mask."""
+        return Correspondences(
+            read_only(self.target_rows[mask]),
+            read_only(self.source_rows[mask]),
+            self.distances[mask],
+            self.weights[mask],
+            self.threshold,
+        )
+
+    def weighted(self, weights: Vector) -> "Correspondences":
+        """Return the correspondences with these (m,) weights."""
+        return replace(self, weights=weights)
+
+
+def find_correspondences(
+    target: NearestNeighbours,
+    source: Points,
+    rejection: Rejection | None = None,
+    *,
+    max_distance: float = math.inf,
+    spacing: float = 0.0,
+    previous: float = math.inf,
+    max_threshold: float = math.inf,
+) -> Correspondences:
+    """Return the correspondences of source points that a search finds and a rejection keeps.
+
+    Parameters
+    ----------
+    target : NearestNeighbours
+        Search over the target.
+    source : (n, 3) [m]
+        Points of the source in the frame of the target.
+    rejection : Rejection, optional
+        Computes the threshold; none by default.
+    max_distance : float [m]
+        Source points without a target point within this distance have no correspondence and do not
+        enter the statistics of the rejection.
+    spacing, previous : float [m]
+        As for `Rejection.threshold`.
+    max_threshold : float [m]
+        Upper bound of the threshold.
+    """
+    if rejection is not None:
+        max_distance = min(max_distance, rejection.max_distance)
+    target_rows, distances = target.nearest(source, max_distance)
+    source_rows = np.flatnonzero(target_rows >= 0)
+    threshold = min(max_distance, max_threshold)
+    if rejection is not None:
+        threshold = previous
+        if len(source_rows):
+            threshold = rejection.threshold(distances[source_rows], previous, spacing)
+            threshold = min(threshold, max_threshold)
+    if threshold < max_distance:
+        source_rows = source_rows[distances[source_rows] <= threshold]
+    return Correspondences(
+        read_only(target_rows[source_rows]),
+        read_only(source_rows),
+        distances[source_rows],
+        np.ones(len(source_rows)),
+        threshold,
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SearchStage:
+    """A target prepared for one stage of a search.
+
+    Attributes
+    ----------
+    surface : SurfacePoints
+        Target points with the covariances of their surfaces.
+    closest : NearestNeighbours
+        Search over these points.
+    max_distance : float [m]
+        Maximum distance of a correspondence.
+    scale : float [m]
+        The maximum distance or the voxel size of the stage.
+    spacing : float [m]
+        Typical distance between neighbouring points.
+    """
+
+    surface: SurfacePoints
+    closest: NearestNeighbours
+    max_distance: float
+    scale: float
+    spacing: float
+
+
+class CorrespondenceSearch(Protocol):
+    """Settings of the search for the target point of each source point, coarse to fine."""
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """Scale of each stage [m], coarse to fine: maximum distance or voxel size."""
+        ...
+
+    def stages(
+        self, tree: PointTree, surface: SurfacePoints, spacing: float
+    ) -> tuple[SearchStage, ...]:
+        """Return the target prepared for each stage.
+
+        Parameters
+        ----------
+        tree : PointTree
+            Search tree of the target.
+        surface : SurfacePoints
+            The points of the tree with their covariances.
+        spacing : float [m]
+            Typical distance between neighbouring points.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NearestNeighbourSearch:
+    """Search for the nearest target point within a maximum distance."""
+
+    max_correspondence_distances: tuple[float, ...] = (20.0, 5.0, 1.0)
+    """Maximum distance of a correspondence at each stage [m], coarse to fine. Each stage starts
+    from the pose of the previous one. Segal et al. call it d_max."""
+
+    algorithm: Search = "k-d tree"
+    """Data structure of the search; the results are equal."""
+
+    def __post_init__(self) -> None:
+        require_coarse_to_fine("max_correspondence_distances", self.max_correspondence_distances)
+        require_algorithm("algorithm", self.algorithm)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """The maximum distances [m]."""
+        return self.max_correspondence_distances
+
+    def stages(
+        self, tree: PointTree, surface: SurfacePoints, spacing: float
+    ) -> tuple[SearchStage, ...]:
+        """Return the same search for every stage."""
+        closest = nearest_neighbours(tree, self.algorithm)
+        return tuple(SearchStage(surface, closest, scale, scale, spacing) for scale in self.scales)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VoxelSearch:
+    """Search for the target voxel that contains a source point (Koide et al. 2021)."""
+
+    voxel_sizes: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
+    """Voxel size at each stage [m], coarse to fine. Each stage starts from the pose of the previous
+    one. The size limits the distance of a correspondence."""
+
+    def __post_init__(self) -> None:
+        require_coarse_to_fine("voxel_sizes", self.voxel_sizes)
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """The voxel sizes [m]."""
+        return self.voxel_sizes
+
+    def stages(
+        self, tree: PointTree, surface: SurfacePoints, spacing: float
+    ) -> tuple[SearchStage, ...]:
+        """Return the voxels of each size, whose spacing is their size."""
+        voxels = [SurfaceVoxels.from_points(surface, size) for size in self.voxel_sizes]
+        return tuple(
+            SearchStage(one.surface, ContainingVoxels(one), math.inf, one.size, one.size)
+            for one in voxels
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ContainingVoxels:
+    """The means of voxels, searched by the voxel that contains a point."""
+
+    voxels: SurfaceVoxels
+
+    @property
+    def points(self) -> Points:
+        """(k, 3) means of the voxels [m]."""
+        return self.voxels.surface.points
+
+    def nearest(self, queries: Points, max_distance: float = math.inf) -> tuple[Labels, Vector]:
+        """Return the row of the voxel of each of (m, 3) points, and the distance to its mean [m].
+
+        The row is -1 and the distance infinite where the voxel is empty or its mean `max_distance` or
+        away.
+        """
+        rows = self.voxels.rows_of(queries)
+        # Several times as fast as indexing and a norm along the rows.
+        differences = queries - np.take(self.points, rows, axis=0, mode="clip")
+        differences *= differences
+        distances = np.sqrt(differences @ np.ones(3))
+        is_missing = (rows < 0) | (distances >= max_distance)
+        rows[is_missing], distances[is_missing] = -1, math.inf
+        return rows, distances
+
+
+def cached_stages(stages: Sequence[SearchStage]) -> list[SearchStage]:
+    """Return stages with searches that are fast for queries that move little between calls.
+
+    Stages with the same search share the cache. The answers do not change.
+    """
+    searches = {id(stage.closest): cached_neighbours(stage.closest) for stage in stages}
+    return [replace(stage, closest=searches[id(stage.closest)]) for stage in stages]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointScan:
-    """A scan ready to be registered by its points, as target or as source.
+    """A scan prepared for ICP.
 
     Attributes
     ----------
     closest : NearestNeighbours
-        The points that are paired, thinned or all, and the way to search them.
+        Search over the points of the scan.
     spacing : float [m]
-        Typical distance between neighbours among them, see `typical_spacing`.
+        Typical distance between neighbouring points, see `typical_spacing`.
     normals : (n, 3)
-        Unit normals of the surface around each; (0, 3) where the settings need none.
+        Unit normals of the surface at each point; (0, 3) if the settings need none.
     covariances : (n, 6) [m^2]
-        Of the sensor's noise at each, packed; (0, 6) without a noise model.
+        Packed covariances of the sensor noise at each point; (0, 6) without a noise model.
     sample : (k, 3) [m]
-        What the search for a start looks up; (0, 3) without such a search.
+        Points for simulated annealing; (0, 3) without it.
     """
 
     closest: NearestNeighbours
@@ -53,138 +305,29 @@ class PointScan:
 
     @property
     def points(self) -> Points:
-        """(n, 3) the points that are paired [m]."""
+        """(n, 3) points [m], all of the scan or downsampled."""
         return self.closest.points
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Correspondences:
-    """The pairs of one iteration that count.
-
-    Attributes
-    ----------
-    target_rows, source_rows : (m,)
-        Pair i is of these rows.
-    weights : (m,)
-        Robust weights, in [0, 1].
-    mean_distance : float [m]
-        Mean distance of these pairs, whatever their weights; NaN without pairs.
-    limit : float [m]
-        No pair farther apart was kept.
-    """
-
-    target_rows: Labels
-    source_rows: Labels
-    weights: Vector
-    mean_distance: float
-    threshold: float
-
-    def __post_init__(self) -> None:
-        for array in (self.target_rows, self.source_rows, self.weights):
-            frozen(array)
-
-    def __len__(self) -> int:
-        return len(self.target_rows)
-
-    @property
-    def effective(self) -> int:
-        """How many of the pairs have any weight."""
-        return int(np.count_nonzero(self.weights))
+def require_algorithm(name: str, algorithm: str) -> None:
+    """Raise `InvalidInput` for an unknown algorithm of the nearest-neighbour search."""
+    if algorithm not in get_args(Search):
+        choices = " or ".join(map(repr, get_args(Search)))
+        raise InvalidInput(f"{name} must be {choices}, got {algorithm!r}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CorrespondenceFinder:
-    """Settings that pair the points of two scans at a pose."""
-
-    rejection: Rejection = field(default_factory=AdaptiveRejection)
-    """Pairs too far apart are dropped."""
-
-    max_correspondence_distance: float = 10.0
-    """Points without another within this distance are not paired at all, and enter no
-    statistics [m]; infinite in the paper."""
-
-    max_normal_angle: float | None = None
-    """Pairs whose surfaces differ by more than this angle are dropped [rad]; None asks nothing.
-    Zhang 1994 advises 60 degrees."""
-
-    robust: RobustWeights = field(default_factory=RobustWeights)
-    """How the weight of a pair falls with its residual; 1 for all by default, as in the paper."""
-
-    def __post_init__(self) -> None:
-        if self.max_correspondence_distance != np.inf:
-            require_positive(
-                "max_correspondence_distance", self.max_correspondence_distance, unit="m"
-            )
-        if self.max_normal_angle is not None and not 0.0 < self.max_normal_angle <= np.pi / 2:
-            raise InvalidInput(
-                "orientation must lie between 0 and pi/2, for normals have no sign, got "
-                f"{self.max_normal_angle} rad"
-            )
-
-    def find(
-        self,
-        target: PointScan,
-        source: PointScan,
-        pose: Pose,
-        previous: float,
-        most: float,
-        residual: Residual,
-    ) -> Correspondences:
-        """Return the pairs that count at a pose.
-
-        Parameters
-        ----------
-        target, source : PointScan
-        pose : Pose
-            Target from source.
-        previous : float [m]
-            The limit of the iteration before; infinite until there is one to heed.
-        most : float [m]
-            The limit may not be larger, whatever the gate says.
-        residual : str
-            What the robust weights look at.
-        """
-        moved = pose.apply(source.points)
-        partners, distances = target.closest.nearest(
-            moved, min(self.max_correspondence_distance, self.rejection.max_distance)
-        )
-        met = np.flatnonzero(partners >= 0)
-        if not len(met):
-            nobody = read_only(np.zeros(0, np.int64))
-            return Correspondences(nobody, nobody, np.zeros(0), np.nan, previous)
-        limit = min(self.rejection.threshold(distances[met], previous, target.spacing), most)
-        rows = met[distances[met] <= limit]
-        if self.max_normal_angle is not None:
-            turned = source.normals[rows] @ pose.rotation.T
-            cosines = np.einsum("ma,ma->m", turned, target.normals[partners[rows]])
-            rows = rows[np.abs(cosines) >= np.cos(self.max_normal_angle)]
-        return self._weighed(target, moved, partners, distances, rows, limit, residual)
-
-    def _weighed(
-        self,
-        target: PointScan,
-        moved: Points,
-        partners: Labels,
-        distances: Vector,
-        rows: Labels,
-        limit: float,
-        residual: Residual,
-    ) -> Correspondences:
-        residuals = distances[rows]
-        mean = float(residuals.mean()) if len(rows) else np.nan
-        if residual == "point-to-plane":
-            gaps = moved[rows] - target.points[partners[rows]]
-            residuals = np.einsum("ma,ma->m", gaps, target.normals[partners[rows]])
-        weights = self.robust.weights(residuals) if len(rows) else np.zeros(0)
-        return Correspondences(read_only(partners[rows]), read_only(rows), weights, mean, limit)
+def require_points(count: int, name: str = "points") -> None:
+    """Raise `InsufficientData` for fewer than `MIN_CORRESPONDENCES` points."""
+    if count < MIN_CORRESPONDENCES:
+        raise InsufficientData(f"has {count} {name}; {MIN_CORRESPONDENCES} are needed")
 
 
 def typical_spacing(tree: PointTree) -> float:
     """Return the typical distance between neighbouring points [m].
 
-    The mean, over ten shells of equal count about the sensor, of the median distance of a point
-    to the nearest other. A scan is dense near the sensor and sparse far away: the median over all
-    points would speak of the near ones only, and the mean of strays.
+    The mean, over ten shells of equal count around the sensor, of the median distance of a point to
+    its nearest neighbour. Scans are dense near the sensor and sparse far away: the median of all
+    points would be that of near ones, and the mean that of outliers.
     """
     if len(tree) < 2:
         return 0.0

@@ -1,131 +1,135 @@
-"""Generalised ICP: Segal, Haehnel and Thrun 2009, and by the voxel, Koide et al. 2021."""
+"""Generalised ICP: Segal, Haehnel and Thrun 2009, and its voxelised form, Koide et al. 2021."""
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 
-from scanlock.clouds.cached_neighbours import cached_neighbours
-from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.errors import InvalidInput, require_count, require_positive
+from scanlock.errors import require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
+from scanlock.models.surface_points import SurfacePoints
 from scanlock.models.surfaces import Neighbourhoods, SurfaceShape, require_surface
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.objectives.distribution_pairs import DistributionPairs
+from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
+from scanlock.registration.methods.correspondences import (
+    MIN_CORRESPONDENCES,
+    Correspondences,
+    CorrespondenceSearch,
+    NearestNeighbourSearch,
+    SearchStage,
+    VoxelSearch,
+    cached_stages,
+    find_correspondences,
+    require_points,
+    typical_spacing,
+)
+from scanlock.registration.methods.protocol import Method, PreparationLog
+from scanlock.registration.methods.rejection import Rejection
 
-_LEAST_POINTS = 10
-"""Of fewer points, or fewer pairs, no pose is worth the name."""
+_MAX_SQUARED_DISTANCE = 9.0
+"""Upper bound of a squared Mahalanobis distance, and its value for points without correspondence,
+in the comparison of two poses."""
 
-_FAR_SQUARED = 9.0
-"""A pair of points beyond three deviations misfits no more than a point without a partner."""
-
-_LOOSE_STEP = 0.0025
-"""A coarse scale ends at steps below this share of it: the next one goes on from there."""
+_COVARIANCE_FACTORS: dict[type, float] = {NearestNeighbourSearch: 1.10, VoxelSearch: 1.11}
+"""Covariance factor with each search."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceScan:
-    """A scan ready to be registered, as target or as source.
+    """A scan prepared for generalised ICP.
 
     Attributes
     ----------
     surface : SurfacePoints
-        Its thinned points, in the order of the tree.
-    tree : PointTree
-        Finds the closest of them.
-    voxels : tuple of SurfaceVoxels
-        One set for each scale, where points meet voxels.
+        Downsampled points with the covariances of their surfaces.
+    stages : tuple of SearchStage
+        The scan as target of each stage, coarse to fine.
     """
 
     surface: SurfacePoints
-    tree: PointTree
-    voxels: tuple[SurfaceVoxels, ...]
+    stages: tuple[SearchStage, ...]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Gicp(Method[SurfaceScan]):
-    """Settings of generalised ICP; `prepare` each scan once, `align` as many pairs as wanted."""
+    """Settings of generalised ICP."""
 
-    search: Literal["closest", "voxel"] = "closest"
-    """Each point of the source meets the closest of the target, or the voxel that it lies in."""
+    search: CorrespondenceSearch = field(default_factory=NearestNeighbourSearch)
+    """Search for correspondences at each stage: the nearest target point (G-ICP), or the target
+    voxel that contains the source point (VGICP)."""
 
-    max_correspondence_distances: tuple[float, ...] = (20.0, 5.0, 1.0)
-    """Points this far apart or farther do not meet [m]; coarsest first, each gate from the pose
-    of the last. Segal et al. call it d_max. Not for voxels: their width is their gate."""
+    rejection: Rejection | None = None
+    """Rejection of correspondences by distance; None keeps all that the search finds."""
 
-    target_voxel_sizes: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
-    """Sides of the voxels [m]; coarsest first, each width from the pose of the last."""
+    robust: RobustWeights = field(default_factory=RobustWeights)
+    """Robust weights of the Mahalanobis distances; equal weights by default. Its scales are
+    multiples of a standard deviation here, not metres."""
 
     voxel_size: float = 0.25
-    """Either scan is thinned to the mean of its points in each voxel of this side [m]."""
+    """Voxel size for downsampling both scans [m]."""
 
     neighbours: int = 10
-    """Nearest points, itself included, that make the surface about a point."""
+    """Number of nearest points, itself included, for the covariance of the surface at a point."""
 
     shape: SurfaceShape = "plane"
-    """What the neighbours are taken for, see `scanlock.models.surfaces`."""
+    """Shape of the covariances, see `scanlock.models.surfaces`."""
 
     max_surface_radius: float = 10.0
-    """Points whose neighbours lie farther from their mean [m, root mean square] have no surface,
-    and are left out: stray returns, and what sensors write where nothing returned."""
+    """Maximum root mean square distance of the neighbours of a point from their mean [m]. Points
+    above it are outliers and are removed."""
 
     covariance_epsilon: float = 1e-3
-    """Variance across the surface, where that along it is 1 [m^2]; the paper's epsilon."""
+    """Variance across the surface, relative to a variance of 1 m^2 along it; the paper's
+    epsilon."""
 
     solver: Solver = field(
         default_factory=lambda: LevenbergMarquardt(
             criteria=ConvergenceCriteria(step_tolerance=1e-4, max_iterations=10)
         )
     )
-    """Minimises over the pose while the pairs are held."""
+    """Solver for the pose with fixed correspondences."""
 
     step_tolerance: float = 1e-3
-    """The pairing ends when new pairs move the pose by less [m, rotations at the lever]."""
+    """Change of the pose by new correspondences at which the last stage stops [m], with rotations
+    scaled to metres."""
+
+    coarse_tolerance: float = 0.0025
+    """Step tolerance of all stages but the last, as a ratio of their maximum distance or voxel
+    size."""
 
     max_iterations: int = 60
-    """How often points are paired anew at one scale, at most."""
+    """Maximum number of correspondence updates of a stage."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
-        if self.search not in ("closest", "voxel"):
-            raise InvalidInput(f"meeting must be 'closest' or 'voxel', got {self.search!r}")
-        for name, scales in (
-            ("max_correspondence_distances", self.max_correspondence_distances),
-            ("target_voxel_sizes", self.target_voxel_sizes),
-        ):
-            if not scales or list(scales) != sorted(scales, reverse=True):
-                raise InvalidInput(f"{name} must not grow from scale to scale, got {scales}")
-            for scale in scales:
-                require_positive(name, scale, unit="m")
         require_positive("voxel_size", self.voxel_size, unit="m")
         require_positive("max_surface_radius", self.max_surface_radius, unit="m")
         require_positive("step_tolerance", self.step_tolerance, unit="m")
+        require_fraction("coarse_tolerance", self.coarse_tolerance)
         require_count("max_iterations", self.max_iterations)
-        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
         require_surface(self.neighbours, self.shape, self.covariance_epsilon)
 
     @property
     def covariance_factor(self) -> float:
-        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
-        return 1.10 if self.search == "closest" else 1.11
+        """Calibrated on simulated pairs, see `Method.covariance_factor`."""
+        return _COVARIANCE_FACTORS.get(type(self.search), 1.0)
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> SurfaceScan:
-        """Return what the method keeps of a scan."""
+        """Downsample a scan, estimate the surface at each point and build the search."""
         log = log or PreparationLog()
-        with log.stage("thin"):
+        with log.stage("downsample"):
             tree = PointTree.from_points(voxel_means(cloud.points, self.voxel_size))
             count = len(tree)
         with log.stage("surface"):
@@ -138,13 +142,12 @@ class Gicp(Method[SurfaceScan]):
             surface = SurfacePoints(
                 tree.points, around.covariances(self.shape, self.covariance_epsilon)
             )
-        with log.stage("voxels"):
-            widths = self.target_voxel_sizes if self.search == "voxel" else ()
-            voxels = tuple(SurfaceVoxels.from_points(surface, width) for width in widths)
-        if len(surface) < _LEAST_POINTS:
-            raise InsufficientData(f"has {len(surface)} surface points; {_LEAST_POINTS} are needed")
-        log.note(f"{len(surface)} surface points; {count - len(tree)} outliers left out")
-        return SurfaceScan(surface, tree, voxels)
+        with log.stage("search"):
+            spacing = typical_spacing(tree) if self.rejection is not None else math.nan
+            stages = self.search.stages(tree, surface, spacing)
+        require_points(len(surface), "surface points")
+        log.note(f"{len(surface)} surface points; {count - len(tree)} outliers removed")
+        return SurfaceScan(surface, stages)
 
     def align(
         self,
@@ -153,25 +156,30 @@ class Gicp(Method[SurfaceScan]):
         start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, from a start.
+        """Refine the initial pose at each stage, coarse to fine.
 
-        A start where fewer than 10 points meet is returned untouched, with NO_SUPPORT.
+        The start is returned with the reason ``EMPTY_OBJECTIVE`` if the last stage finds fewer than
+        10 correspondences with a positive weight.
         """
         start = start or Pose.identity()
-        *coarse, finest = self._scales
+        *coarse, finest = cached_stages(target.stages)
         pose, history, notes = start, list[Iteration](), tuple[str, ...]()
-        closest = cached_neighbours(target.tree)
-        for scale in coarse:
-            solution = self._descend(scale, target, source, pose, constraints, closest)
+        for stage in coarse:
+            tolerance = max(self.step_tolerance, self.coarse_tolerance * stage.scale)
+            solution = self._refine(stage, source, pose, constraints, tolerance)
             history.extend(solution.history)
             pose = solution.pose
-        if coarse:
-            before = self._misfit(target, source, start, target.tree)
-            if before < self._misfit(target, source, pose, closest):
-                # In a narrow place, or where little is shared, wide reaches leave a good start.
-                pose = start
-                notes = ("the coarse scales led away from the start and were not followed",)
-        solution = self._descend(finest, target, source, pose, constraints, closest)
+        # The uncached stage for the start, which is far from the last queries of the cache.
+        if coarse and (
+            self._cost(target.stages[-1], source, start) < self._cost(finest, source, pose)
+        ):
+            # Long correspondences can draw the pose away from a good start in narrow places or
+            # where the overlap is small.
+            pose = start
+            notes = ("the coarse stages moved away from the start and were discarded",)
+        if self.rejection is not None and (note := self.rejection.note(finest.spacing)):
+            notes = (*notes, note)
+        solution = self._refine(finest, source, pose, constraints, self.step_tolerance)
         is_lost = solution.reason is StopReason.EMPTY_OBJECTIVE
         return replace(
             solution,
@@ -180,75 +188,75 @@ class Gicp(Method[SurfaceScan]):
             notes=(*notes, *solution.notes),
         )
 
-    @property
-    def _scales(self) -> tuple[float, ...]:
-        return (
-            self.max_correspondence_distances
-            if self.search == "closest"
-            else self.target_voxel_sizes
-        )
-
-    def _descend(
+    def _refine(
         self,
-        scale: float,
-        target: SurfaceScan,
+        target: SearchStage,
         source: SurfaceScan,
         start: Pose,
         constraints: Constraints,
-        closest: NearestNeighbours,
+        tolerance: float,
     ) -> Solution:
-        """Pair and minimise in turn, from `start` until the pose stays, at one scale."""
-        is_last = scale == self._scales[-1]
-        tolerance = (
-            self.step_tolerance if is_last else max(self.step_tolerance, _LOOSE_STEP * scale)
-        )
+        """Update correspondences and pose in turn, Algorithm 1 of Segal et al., to convergence."""
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
         objective: Objective | None = None
+        threshold = math.inf
         for _ in range(self.max_iterations):
-            pairs, distance = self._meet(scale, target, source, pose, closest)
-            note = f"{pairs.count} pairs, {pairs.count / len(source.surface):.0%} of the source"
-            if pairs.count < _LEAST_POINTS:
-                history.append(Iteration(0.0, 0.0, 0.0, False, pose, distance, pairs.count))
+            found, pairs = self._pairs(target, source, pose, threshold)
+            count, threshold = len(found), found.threshold
+            note = f"{count} correspondences, {count / len(source.surface):.0%} of the source"
+            if found.weighted_count < MIN_CORRESPONDENCES:
+                history.append(Iteration(0.0, 0.0, 0.0, False, pose, found.mean_distance, count))
                 reason = StopReason.EMPTY_OBJECTIVE
                 break
             objective = constraints.applied_to(pairs)
             solution = self.solver.minimise(objective, pose)
-            first, *others = (replace(one, pairs=pairs.count) for one in solution.history)
-            history += [replace(first, mean_distance=distance), *others]
-            metres, radians = pose.distance(solution.pose)
+            first, *others = (replace(one, pairs=count) for one in solution.history)
+            history += [replace(first, mean_distance=found.mean_distance), *others]
+            step = pose.scaled_distance(solution.pose, self.rotation_scale)
             pose, quadratic = solution.pose, solution.quadratic
-            if math.hypot(metres, self.rotation_scale * radians) < tolerance:
+            if step < tolerance:
                 reason = StopReason.STEP_SMALL
                 break
         return Solution(pose, quadratic, reason, tuple(history), (note,), objective)
 
-    def _misfit(
-        self, target: SurfaceScan, source: SurfaceScan, pose: Pose, closest: NearestNeighbours
-    ) -> float:
-        """Return the mean over the source of the squared distances at the finest scale, capped."""
-        pairs, _ = self._meet(self._scales[-1], target, source, pose, closest)
-        capped = np.minimum(pairs.squared_distances(pose), _FAR_SQUARED)
-        lonely = len(source.surface) - pairs.count
-        return (float(capped.sum()) + _FAR_SQUARED * lonely) / len(source.surface)
+    def _pairs(
+        self, target: SearchStage, source: SurfaceScan, pose: Pose, previous: float
+    ) -> tuple[Correspondences, DistributionPairs]:
+        """Return the weighted correspondences at a pose, and their cost."""
+        found = find_correspondences(
+            target.closest,
+            pose.apply(source.surface.points),
+            self.rejection,
+            max_distance=target.max_distance,
+            spacing=target.spacing,
+            previous=previous,
+        )
+        pairs = self._distributions(target, source, pose, found)
+        if self.robust.loss != "none" and len(found):
+            distances = np.sqrt(pairs.squared_distances(pose))
+            found = found.weighted(self.robust.weights(distances))
+            pairs = replace(pairs, precisions=found.weights[:, None] * pairs.precisions)
+        return found, pairs
 
-    def _meet(
-        self,
-        scale: float,
-        target: SurfaceScan,
-        source: SurfaceScan,
-        pose: Pose,
-        closest: NearestNeighbours,
-    ) -> tuple[DistributionPairs, float]:
-        """Return the pairs at a pose, and the mean distance [m] of the closest points that met."""
-        moved = pose.apply(source.surface.points)
-        if self.search == "closest":
-            surface = target.surface
-            partners, distances = closest.nearest(moved, scale)
-        else:
-            voxels = target.voxels[self.target_voxel_sizes.index(scale)]
-            surface, partners = voxels.surface, voxels.rows_of(moved)
-            distances = np.full(len(partners), math.nan)
-        pairs = DistributionPairs.at(pose, surface, source.surface, partners, self.solver.curvature)
-        distance = float(distances[pairs.source_rows].mean()) if pairs.count else math.nan
-        return pairs, distance
+    def _distributions(
+        self, target: SearchStage, source: SurfaceScan, pose: Pose, found: Correspondences
+    ) -> DistributionPairs:
+        """Return the unweighted cost of correspondences with the covariances at a pose."""
+        rows = np.full(len(source.surface), -1, np.int64)
+        rows[found.source_rows] = found.target_rows
+        return DistributionPairs.at(
+            pose, target.surface, source.surface, rows, self.solver.curvature
+        )
+
+    def _cost(self, target: SearchStage, source: SurfaceScan, pose: Pose) -> float:
+        """Return the mean squared distance of all source points, bounded by a maximum."""
+        found = find_correspondences(
+            target.closest,
+            pose.apply(source.surface.points),
+            max_distance=target.max_distance,
+        )
+        squared = self._distributions(target, source, pose, found).squared_distances(pose)
+        bounded = np.minimum(squared, _MAX_SQUARED_DISTANCE)
+        unpaired = len(source.surface) - len(found)
+        return (float(bounded.sum()) + _MAX_SQUARED_DISTANCE * unpaired) / len(source.surface)

@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import get_args
 
 import numpy as np
 
+from scanlock.arrays import Points, Vector
 from scanlock.clouds.cached_neighbours import cached_neighbours
 from scanlock.clouds.neighbours import Search, nearest_neighbours
 from scanlock.clouds.point_cloud import PointCloud
@@ -16,99 +16,118 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.models.surfaces import MIN_NEIGHBOURS, surface_normals
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
+from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.methods.correspondences import (
     MIN_CORRESPONDENCES,
-    CorrespondenceFinder,
+    Correspondences,
     PointScan,
+    find_correspondences,
+    require_algorithm,
+    require_points,
     typical_spacing,
 )
 from scanlock.registration.methods.icp_annealing import AnnealedStart
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
-from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
-from scanlock.registration.methods.rejection import AdaptiveRejection
+from scanlock.registration.methods.protocol import Method, PreparationLog
+from scanlock.registration.methods.rejection import AdaptiveRejection, Rejection
 from scanlock.registration.methods.transform_estimation import TransformEstimation
+
+_EMPTY = Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Icp(Method[PointScan]):
-    """Settings of ICP; `prepare` each scan once, `align` as many pairs as wanted."""
+    """Settings of ICP."""
 
     search: Search = "k-d tree"
-    """How closest points are found: a k-d tree, or the paper's Delaunay tessellation."""
+    """Search for the nearest target point: a k-d tree, or the Delaunay tessellation of the
+    paper."""
 
-    correspondences: CorrespondenceFinder = field(default_factory=CorrespondenceFinder)
-    """Which pairs count, and how much."""
+    max_correspondence_distance: float = 10.0
+    """Maximum distance of a correspondence [m]; infinite in the paper. Points without a target
+    point within it do not enter the statistics of the rejection."""
+
+    rejection: Rejection | None = field(default_factory=AdaptiveRejection)
+    """Rejection of correspondences by distance; None keeps all of them."""
 
     statistics_switch_step: float = 0.01
-    """An adaptive gate looks at all pairs until the pose moves by less than this [m], rotations
-    counted at the lever, and from then on at those within its last limit: a wide basin first, a
-    precise end after it. With infinity it looks at the latter from the second iteration on, as
-    in Zhang 1994; gates with statistics of all pairs never do."""
+    """Step [m], with rotations scaled to metres, below which an adaptive rejection switches from
+    the statistics of all correspondences to those within the previous threshold. The first have a
+    wide basin of convergence, the second are precise. Infinite: switch after the first iteration,
+    as in Zhang 1994."""
+
+    max_normal_angle: float | None = None
+    """Maximum angle between the surface normals of a correspondence [rad]; None for no limit. Zhang
+    1994 recommends 60 degrees."""
+
+    robust: RobustWeights = field(default_factory=RobustWeights)
+    """Robust weights of the residuals; equal weights by default, as in the paper."""
 
     estimation: TransformEstimation = field(default_factory=TransformEstimation)
-    """How pairs become a motion."""
+    """Transform estimation from the correspondences."""
 
     noise: SensorNoise | None = None
-    """Noise of both sensors, by which pairs are weighed; None weighs all alike."""
+    """Noise of both sensors, which weights the correspondences; None for equal weights."""
 
     voxel_size: float | None = 0.5
-    """Either scan is thinned to the mean of its points in each voxel of this side [m]; None takes
-    all points, as in the paper."""
+    """Voxel size for downsampling both scans [m]; None keeps all points, as in the paper."""
 
     neighbours: int = 10
-    """Nearest points, itself included, that make the surface about a point."""
+    """Number of nearest points, itself included, for the normal at a point."""
 
     criteria: IcpConvergenceCriteria = field(default_factory=IcpConvergenceCriteria)
-    """When to stop."""
+    """Convergence criteria."""
 
     annealing: AnnealedStart | None = None
-    """Search for starts by simulated annealing, and descend from each; None descends from the
-    initial pose alone."""
+    """Search for further starts by simulated annealing; None uses the initial pose only."""
 
     @classmethod
     def madhavan2003(cls, good_distance: float | None = None) -> "Icp":
-        """Return ICP as the paper has it: all points, a Delaunay search, statistics of all pairs.
+        """Return ICP as in the paper: all points, Delaunay search, statistics of all distances.
 
-        The paper leaves open when a change is small, which is taken from Zhang 1994, and D.
+        The paper does not specify the relative change at which to stop, here 0.01 as in Zhang 1994,
+        nor D.
 
         Parameters
         ----------
         good_distance : float, optional [m]
-            The paper's D; three times the spacing of the target by default.
+            D of the paper; three times the spacing of the target by default.
         """
-        gate = AdaptiveRejection(good_distance=good_distance, statistics="all")
         return cls(
             search="delaunay",
-            correspondences=CorrespondenceFinder(
-                rejection=gate, max_correspondence_distance=math.inf
-            ),
+            max_correspondence_distance=math.inf,
+            rejection=AdaptiveRejection(good_distance=good_distance, statistics="all"),
             voxel_size=None,
             criteria=IcpConvergenceCriteria(relative_change=0.01),
         )
 
     def __post_init__(self) -> None:
-        if self.search not in get_args(Search):
+        require_algorithm("search", self.search)
+        for name in ("max_correspondence_distance", "statistics_switch_step"):
+            if getattr(self, name) != math.inf:
+                require_positive(name, getattr(self, name), unit="m")
+        # The sign of a normal is arbitrary, so angles above a right angle do not occur.
+        if self.max_normal_angle is not None and not 0.0 < self.max_normal_angle <= math.pi / 2:
             raise InvalidInput(
-                f"search must be {' or '.join(map(repr, get_args(Search)))}, got {self.search!r}"
+                "max_normal_angle must lie above 0 and be at most pi/2, got "
+                f"{self.max_normal_angle} rad"
             )
-        if self.statistics_switch_step != math.inf:
-            require_positive("statistics_switch_step", self.statistics_switch_step, unit="m")
         if self.voxel_size is not None:
             require_positive("voxel_size", self.voxel_size, unit="m")
         require_count("neighbours", self.neighbours, MIN_NEIGHBOURS)
 
     @property
     def covariance_factor(self) -> float:
-        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        """Calibrated on simulated pairs, see `Method.covariance_factor`."""
         return 1.86 if self.estimation.residual == "point-to-plane" else 4.42
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> PointScan:
-        """Return what the method keeps of a scan."""
+        """Downsample a scan, build its search and estimate normals and noise if needed."""
         log = log or PreparationLog()
-        with log.stage("thin"):
+        with log.stage("downsample"):
             points = cloud.points
             if self.voxel_size is not None:
                 points = voxel_means(points, self.voxel_size)
@@ -118,22 +137,18 @@ class Icp(Method[PointScan]):
             spacing = typical_spacing(tree)
         normals, covariances = np.zeros((0, 3)), np.zeros((0, 6))
         with log.stage("surface"):
-            if (
-                self.estimation.residual == "point-to-plane"
-                or self.correspondences.max_normal_angle is not None
-            ):
+            if self.estimation.residual == "point-to-plane" or self.max_normal_angle is not None:
                 normals = surface_normals(tree, self.neighbours)
             if self.noise is not None:
                 covariances = self.noise.covariances(tree.points)
         sample = np.zeros((0, 3))
         if self.annealing is not None:
             with log.stage("sample"):
-                sample = self.annealing.sampled(cloud)
-        if len(tree) < MIN_CORRESPONDENCES:
-            raise InsufficientData(f"has {len(tree)} points; {MIN_CORRESPONDENCES} are needed")
-        log.note(f"{len(tree)} points, {spacing:.3g} m apart")
+                sample = self.annealing.sample(cloud)
+        require_points(len(tree))
+        log.note(f"{len(tree)} points with a spacing of {spacing:.3g} m")
         if self.noise is not None and cloud.origin.any():
-            log.note("sensor noise taken about the origin, where the sensor may not be")
+            log.note("sensor noise is relative to the origin, which may not be the sensor")
         return PointScan(closest, spacing, normals, covariances, sample)
 
     def align(
@@ -143,66 +158,111 @@ class Icp(Method[PointScan]):
         start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, from a start.
+        """Refine the initial pose, and with annealing further starts, of which the best is kept.
 
-        The history has one entry for each pairing: the pose of that pairing, the objective
-        there, and how far apart the pairs are that count. A start where fewer than 10 points
-        meet, or robust weights leave as few, is returned untouched, with NO_SUPPORT.
+        The history has one entry for each iteration: its pose, and the objective and mean distance
+        of the correspondences there. The start is returned with the reason ``EMPTY_OBJECTIVE`` if
+        an iteration has fewer than 10 correspondences with a positive weight.
         """
         start = start or Pose.identity()
         if self.annealing is None:
-            return self._descend(target, source, start, constraints)
-        starts = self.annealing.poses(target, source, start, constraints)
-        found = [self._descend(target, source, pose, constraints) for pose in starts]
-        supported = [one for one in found if one.reason is not StopReason.EMPTY_OBJECTIVE]
-        if not supported:
-            return found[0]
-        gaps = [self.annealing.trimmed_distance(target, source, one.pose) for one in supported]
-        best = int(np.argmin(gaps))
-        if (
-            supported[0] is found[0]
-            and gaps[best] >= (1.0 - self.annealing.min_improvement) * gaps[0]
-        ):
-            best = 0
-        note = f"annealing found {len(starts) - 1} starts; trimmed distance {gaps[best]:.3g} m"
-        kept = supported[best]
-        return replace(kept, notes=(*kept.notes, note))
+            return self._refine(target, source, start, constraints)
+        starts = self.annealing.starts(target, source, start, constraints)
+        solutions = [self._refine(target, source, pose, constraints) for pose in starts]
+        return self.annealing.best(target, source, solutions)
 
-    def _descend(
+    def correspondences(
+        self,
+        target: PointScan,
+        source: PointScan,
+        pose: Pose,
+        previous: float = math.inf,
+        max_threshold: float = math.inf,
+    ) -> Correspondences:
+        """Return the weighted correspondences at a pose: step 1 of the paper.
+
+        Parameters
+        ----------
+        target, source : PointScan
+        pose : Pose
+            Target from source.
+        previous : float [m]
+            Threshold of the previous iteration, see `Rejection.threshold`.
+        max_threshold : float [m]
+            Upper bound of the threshold.
+        """
+        points = pose.apply(source.points)
+        found = find_correspondences(
+            target.closest,
+            points,
+            self.rejection,
+            max_distance=self.max_correspondence_distance,
+            spacing=target.spacing,
+            previous=previous,
+            max_threshold=max_threshold,
+        )
+        if self.max_normal_angle is not None:
+            cosines = _normal_cosines(target, source, pose, found)
+            found = found.selected(cosines >= np.cos(self.max_normal_angle))
+        if not len(found):
+            return found
+        return found.weighted(self.robust.weights(self._residuals(target, points, found)))
+
+    def _refine(
         self, target: PointScan, source: PointScan, start: Pose, constraints: Constraints
     ) -> Solution:
-        """Pair and fit in turn."""
+        """Iterate the steps of Madhavan and Messina 2003, section 2.1, from a start."""
         target = replace(target, closest=cached_neighbours(target.closest))
-        trail = IcpHistory(self.estimation.rotation_scale)
-        trail.note(self.correspondences.rejection.note(target.spacing))
-        pose, most = start, math.inf
+        history = IcpHistory(start, self.estimation.rotation_scale)
+        if self.rejection is not None:
+            history.note(self.rejection.note(target.spacing))
         while True:
-            previous = trail.settled_limit(self.statistics_switch_step, pose)
-            pairs = self.correspondences.find(
-                target, source, pose, previous, most, self.estimation.residual
-            )
-            if pairs.effective < MIN_CORRESPONDENCES:
-                trail.add(_NOTHING, pose, pairs, accepted=False)
-                return trail.solution(start, _NOTHING, StopReason.EMPTY_OBJECTIVE)
+            # Step 1: pair closest points and reject pairs by the threshold of their distances.
+            pose, max_threshold = history.pose, history.max_threshold
+            previous = history.previous_threshold(self.statistics_switch_step)
+            pairs = self.correspondences(target, source, pose, previous, max_threshold)
+            if pairs.weighted_count < MIN_CORRESPONDENCES:
+                history.add(_EMPTY, pairs, accepted=False)
+                return history.solution(start, _EMPTY, StopReason.EMPTY_OBJECTIVE)
+            # Step 2: the weighted sum of squares of eq. (2).
             objective = self.estimation.objective(target, source, pairs, pose)
-            restrained = constraints.applied_to(objective)
-            quadratic = restrained.linearise(pose)
-            trail.add(quadratic, pose, pairs)
-            reason, note = self.criteria.reason(trail.history)
-            if reason is None and (period := trail.period(self.criteria.step_tolerance)):
-                # Limits that grow and shrink in turn are held at their least; what comes back
-                # even so are pairs that change sides, for ever.
-                reason = StopReason.STEP_SMALL if most < math.inf else None
-                most = min(trail.limits[-period:])
-                trail.hold()
-                note = f"the same pairs came back: limit held at {most:.3g} m"
-            trail.note(note)
+            constrained = constraints.applied_to(objective)
+            quadratic = constrained.linearise(pose)
+            history.add(quadratic, pairs)
+            # Step 4, for the previous motion: test for convergence.
+            reason = self._stop_reason(history)
             if reason is not None:
-                share = len(pairs) / len(source.points)
-                trail.note(f"{len(pairs)} pairs, {share:.0%} of the source")
-                return trail.solution(pose, quadratic, reason, restrained)
-            pose, note = self.estimation.next_pose(objective, quadratic, pose, constraints)
-            trail.note(note)
+                ratio = len(pairs) / len(source.points)
+                history.note(f"{len(pairs)} correspondences, {ratio:.0%} of the source")
+                return history.solution(pose, quadratic, reason, constrained)
+            # Steps 2 and 3: estimate the transform that minimises it, and apply it.
+            history.pose, note = self.estimation.next_pose(objective, quadratic, pose, constraints)
+            history.note(note)
+
+    def _stop_reason(self, history: IcpHistory) -> StopReason | None:
+        """Return why to stop; None to continue, if need be with a smaller maximum threshold.
+
+        Thresholds that alternately grow and shrink are bounded by their minimum. If poses recur
+        even so, correspondences alternate between equally good points.
+        """
+        reason, note = self.criteria.reason(history.iterations)
+        history.note(note)
+        if reason is None and (length := history.cycle_length(self.criteria.step_tolerance)):
+            reason = StopReason.STEP_SMALL if history.cycle_start > 0 else None
+            history.break_cycle(length)
+        return reason
+
+    def _residuals(self, target: PointScan, points: Points, found: Correspondences) -> Vector:
+        """Return the (m,) residuals [m] of source points in the frame of the target."""
+        if self.estimation.residual == "point-to-point":
+            return found.distances
+        differences = points[found.source_rows] - target.points[found.target_rows]
+        return np.einsum("ma,ma->m", differences, target.normals[found.target_rows])
 
 
-_NOTHING = Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
+def _normal_cosines(
+    target: PointScan, source: PointScan, pose: Pose, found: Correspondences
+) -> Vector:
+    """Return the (m,) cosines of the angles between the normals of correspondences, unsigned."""
+    rotated = source.normals[found.source_rows] @ pose.rotation.T
+    return np.abs(np.einsum("ma,ma->m", rotated, target.normals[found.target_rows]))

@@ -1,4 +1,4 @@
-"""What ICP has tried so far, and when it has tried enough."""
+"""State of an ICP run, its convergence criteria and the detection of cycles."""
 
 import math
 from dataclasses import dataclass, field
@@ -10,26 +10,26 @@ from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.registration.methods.correspondences import Correspondences
 
-_LONGEST_PERIOD = 8
-"""Iterations after which poses are looked for that came back; longer cycles were never seen."""
+_MAX_CYCLE_LENGTH = 8
+"""Maximum length of a cycle of poses to detect [iterations]; longer ones were never observed."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IcpConvergenceCriteria:
-    """The three ways to stop of the paper: near enough, no more change, or too long."""
+    """The three stopping criteria of Madhavan and Messina 2003: distance, change, iterations."""
 
     mean_distance: float | None = None
-    """Stop when the pairs are this close on average [m]; None never asks."""
+    """Mean distance of the correspondences at which to stop [m]; None to ignore it."""
 
     relative_change: float = 0.0
-    """Stop when translation and rotation change by no more than this share of themselves, 0.01
-    in Zhang 1994. Shares of a motion near zero mean nothing, so `step` counts besides."""
+    """Change of translation and rotation at which to stop, as a ratio of both; 0.01 in Zhang 1994.
+    Ratios of a motion near zero are meaningless, so `step_tolerance` applies as well."""
 
     step_tolerance: float = 1e-6
-    """Stop when the pose changes by less than this [m], rotations counted at the lever."""
+    """Change of the pose at which to stop [m], with rotations scaled to metres."""
 
     max_iterations: int = 200
-    """Pairings allowed; from afar, closed forms creep."""
+    """Maximum number of iterations; closed forms converge slowly from far away."""
 
     def __post_init__(self) -> None:
         if self.mean_distance is not None:
@@ -38,97 +38,118 @@ class IcpConvergenceCriteria:
         require_positive("step_tolerance", self.step_tolerance, unit="m")
         require_count("max_iterations", self.max_iterations)
 
-    def reason(self, history: list[Iteration]) -> tuple[StopReason | None, str]:
-        """Return why to stop after the last of these iterations, and a note; None to go on."""
-        last = history[-1]
+    def reason(self, iterations: list[Iteration]) -> tuple[StopReason | None, str]:
+        """Return why to stop after the last of these iterations, and a note; None to continue."""
+        last = iterations[-1]
         if self.mean_distance is not None and last.mean_distance <= self.mean_distance:
             return StopReason.STEP_SMALL, (
-                f"stopped at a mean pair distance of {last.mean_distance:.4g} m, at most "
+                f"stopped at a mean distance of {last.mean_distance:.4g} m, at most "
                 f"{self.mean_distance:g} m"
             )
-        if len(history) > 1:
+        if len(iterations) > 1:
             if last.step_norm < self.step_tolerance:
-                return StopReason.STEP_SMALL, "stopped because the pose changed no more"
-            metres, radians = last.pose.distance(history[-2].pose)
+                return StopReason.STEP_SMALL, "stopped because the pose no longer changed"
+            metres, radians = last.pose.distance(iterations[-2].pose)
             distance, angle = last.pose.distance(Pose.identity())
             if (
                 metres <= self.relative_change * distance
                 and radians <= self.relative_change * angle
             ):
                 return StopReason.STEP_SMALL, (
-                    f"stopped because translation and rotation changed by at most "
-                    f"{self.relative_change:g} of themselves"
+                    "stopped because translation and rotation changed by a ratio of at most "
+                    f"{self.relative_change:g}"
                 )
-        if len(history) >= self.max_iterations:
+        if len(iterations) >= self.max_iterations:
             return StopReason.ITERATION_LIMIT, f"stopped after {self.max_iterations} iterations"
         return None, ""
 
 
 @dataclass(slots=True)
 class IcpHistory:
-    """The iterations so far, and the limits of their pairs."""
+    """State of an ICP run: the current pose, and the iterations and thresholds so far."""
+
+    pose: Pose
+    """Current pose, target from source."""
 
     rotation_scale: float
     """Distance at which a rotation counts as a translation [m]."""
 
-    history: list[Iteration] = field(default_factory=list[Iteration])
-    limits: list[float] = field(default_factory=list[float])
-    notes: dict[str, None] = field(default_factory=dict[str, None])
-    """What was found on the way: each once, in order."""
+    max_threshold: float = math.inf
+    """Upper bound of the distance threshold [m]; finite after a cycle of poses."""
 
-    held_from: int = 0
-    """The iteration since which the limits of pairs are held at a least; 0 before."""
+    iterations: list[Iteration] = field(default_factory=list[Iteration])
+    """Pose, objective and correspondences of each iteration."""
+
+    thresholds: list[float] = field(default_factory=list[float])
+    """Distance threshold of each iteration [m]."""
+
+    notes: dict[str, None] = field(default_factory=dict[str, None])
+    """Notes in order, without duplicates."""
+
+    cycle_start: int = 0
+    """First iteration that can be part of a cycle."""
 
     def add(
-        self, quadratic: Quadratic, pose: Pose, pairs: Correspondences, accepted: bool = True
+        self, quadratic: Quadratic, correspondences: Correspondences, accepted: bool = True
     ) -> None:
-        """Keep an iteration: the pose, its pairs, and the objective of these there."""
-        moved = self.step_between(self.history[-1].pose, pose) if self.history else 0.0
-        slope = math.hypot(*quadratic.gradient[:3], *(quadratic.gradient[3:] / self.rotation_scale))
-        self.history.append(
+        """Add an iteration: the objective and the correspondences at the current pose."""
+        step = self._step_to(self.pose) if self.iterations else 0.0
+        gradient = quadratic.gradient
+        gradient_norm = math.hypot(*gradient[:3], *(gradient[3:] / self.rotation_scale))
+        self.iterations.append(
             Iteration(
-                quadratic.value, slope, moved, accepted, pose, pairs.mean_distance, len(pairs)
+                quadratic.value,
+                gradient_norm,
+                step,
+                accepted,
+                self.pose,
+                correspondences.mean_distance,
+                len(correspondences),
             )
         )
-        self.limits.append(pairs.threshold)
+        self.thresholds.append(correspondences.threshold)
 
-    def step_between(self, one: Pose, other: Pose) -> float:
-        """Return how far apart two poses are [m], rotations counted at the lever."""
-        metres, radians = one.distance(other)
-        return math.hypot(metres, self.rotation_scale * radians)
+    def previous_threshold(self, switch_step: float) -> float:
+        """Return the last threshold [m]; infinite until a step was below `switch_step` [m].
 
-    def period(self, tolerance: float) -> int:
-        """Return after how many iterations the last pose came back, within [m]; 0 if it did not.
-
-        Poses from before limits were held do not count: other pairs led to them.
+        The step to the current pose counts.
         """
-        last = self.history[-1].pose
-        for back in range(2, min(_LONGEST_PERIOD, len(self.history) - 1 - self.held_from) + 1):
-            before = self.history[-1 - back].pose
-            # The angle takes ten times as long as the distance, and hardly ever matters.
+        if not self.iterations:
+            return math.inf
+        steps = [iteration.step_norm for iteration in self.iterations[1:]]
+        steps.append(self._step_to(self.pose))
+        return self.thresholds[-1] if min(steps) < switch_step else math.inf
+
+    def cycle_length(self, tolerance: float) -> int:
+        """Return the number of iterations after which the last pose recurred; 0 if it did not.
+
+        Parameters
+        ----------
+        tolerance : float [m]
+            Maximum distance of recurring poses.
+        """
+        last = self.iterations[-1].pose
+        longest = min(_MAX_CYCLE_LENGTH, len(self.iterations) - 1 - self.cycle_start)
+        for length in range(2, longest + 1):
+            before = self.iterations[-1 - length].pose
+            # The angle takes ten times as long as the distance and is rarely needed.
             if math.dist(before.translation, last.translation) >= tolerance:
                 continue
-            if self.step_between(before, last) < tolerance:
-                return back
+            if before.scaled_distance(last, self.rotation_scale) < tolerance:
+                return length
         return 0
 
-    def hold(self) -> None:
-        """Remember that from the next iteration on limits are held."""
-        self.held_from = len(self.history)
+    def break_cycle(self, length: int) -> None:
+        """Bound the threshold by the smallest one of a cycle of this length.
 
-    def settled_limit(self, settling: float, pose: Pose) -> float:
-        """Return the limit of the last iteration [m]; infinite until a step was below this.
-
-        The step that led to `pose`, which has no pairs yet, counts.
+        Earlier poses are no longer part of a cycle, since they had other correspondences.
         """
-        if not self.history:
-            return math.inf
-        steps = [iteration.step_norm for iteration in self.history[1:]]
-        steps.append(self.step_between(self.history[-1].pose, pose))
-        return self.limits[-1] if min(steps) < settling else math.inf
+        self.max_threshold = min(self.thresholds[-length:])
+        self.cycle_start = len(self.iterations)
+        self.note(f"poses recurred: distance threshold at most {self.max_threshold:.3g} m")
 
     def note(self, text: str) -> None:
-        """Keep a note, unless it is empty or known."""
+        """Add a note unless it is empty."""
         if text:
             self.notes[text] = None
 
@@ -139,5 +160,10 @@ class IcpHistory:
         reason: StopReason,
         objective: Objective | None = None,
     ) -> Solution:
-        """Return where it ended and all that was kept."""
-        return Solution(pose, quadratic, reason, tuple(self.history), tuple(self.notes), objective)
+        """Return the solution with all iterations and notes."""
+        iterations, notes = tuple(self.iterations), tuple(self.notes)
+        return Solution(pose, quadratic, reason, iterations, notes, objective)
+
+    def _step_to(self, pose: Pose) -> float:
+        """Return the distance [m] from the pose of the last iteration."""
+        return self.iterations[-1].pose.scaled_distance(pose, self.rotation_scale)

@@ -1,6 +1,5 @@
-"""NDT, voxel Gaussians against voxel Gaussians: Stoyanov et al. 2012."""
+"""NDT-D2D, voxel Gaussians against voxel Gaussians: Stoyanov et al. 2012."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -18,71 +17,80 @@ from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constrai
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.optimisation.solvers.staged import minimise_staged
 from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.scales import dense_scales
-from scanlock.registration.methods.voxel_scan import VoxelScan, prepare_voxels, require_widths
+from scanlock.registration.methods.scales import (
+    GaussianScan,
+    dense_scales,
+    require_coarse_to_fine,
+    stage_solvers,
+)
+from scanlock.registration.methods.voxel_scan import prepare_voxels
 
-Meeting = Literal["nearest", "cells-around", "all"]
-"""Which Gaussians of the target one of the source meets.
+GaussianAssociation = Literal["nearest", "cells-around", "all"]
+"""Association of a source Gaussian with Gaussians of the target.
 
-``"nearest"`` the one with the nearest mean (the paper), ``"cells-around"`` those of the cells
-around its own (the code that its authors published), ``"all"`` every one within reach of the
-score; only the last is continuous.
+``"nearest"``: the one with the nearest mean (the paper). ``"cells-around"``: those of the cells
+around its own (the code published with the paper). ``"all"``: all Gaussians near enough to score.
+Only the last one is continuous in the pose.
 """
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class NdtD2d(Method[VoxelScan]):
-    """Settings of NDT-D2D; `prepare` each scan once, `align` as many pairs as wanted."""
+class NdtD2d(Method[GaussianScan]):
+    """Settings of NDT-D2D."""
 
     cell_sizes: tuple[float, ...] = (16.0, 8.0, 4.0, 2.0, 1.0)
-    """Sides of the voxels [m]; coarsest first, each width from the pose of the last.
+    """Cell size at each stage [m], coarse to fine. Each stage starts from the pose of the previous
+    one.
 
-    The first sets the basin, the last the precision; a width is passed over where most points of
-    either scan lie in cells of too few.
+    The first size determines the basin of convergence, the last one the precision. Sizes are
+    skipped at which most points of either scan lie in cells of too few points.
     """
 
-    association: Meeting = "all"
-    """Which Gaussians of the target one of the source meets."""
+    association: GaussianAssociation = "all"
+    """Gaussians of the target against which a source Gaussian is scored."""
 
     neighbour_cells: int = 2
-    """How many cells away Gaussians still meet, where cells around do; 2 as published."""
+    """Radius of the association ``"cells-around"`` in cells; 2 in the published code."""
 
     shape: ScoreShape = field(default_factory=lambda: ScoreShape(sharpness=0.3))
-    """The score of a pair; smaller sharpness widens the basin, and lets far pairs pull at the pose
-    and cost time."""
+    """Score of a pair of Gaussians. A smaller sharpness widens the basin of convergence, but lets
+    distant pairs bias the pose and takes more time."""
 
     weight_power: float = 0.25
-    """Gaussians weigh as their counts to this power; all alike (0) in the paper."""
+    """Exponent of the number of points in the weight of a Gaussian; 0 (equal weights) in the
+    paper."""
 
     grid: VoxelGrid = field(default_factory=VoxelGrid)
-    """What becomes of the points of a voxel."""
+    """Estimation of the Gaussian of a cell."""
 
     solver: Solver = field(default_factory=Newton)
-    """Minimises at each width."""
+    """Solver of each stage."""
 
     coarse_tolerance: float = 0.01
-    """All widths but the last stop at steps below this share of theirs: the next one goes on."""
+    """Step tolerance of all stages but the last, as a ratio of their cell size."""
 
     def __post_init__(self) -> None:
-        require_widths(self.cell_sizes)
-        if self.association not in get_args(Meeting):
+        require_coarse_to_fine("cell_sizes", self.cell_sizes)
+        associations = get_args(GaussianAssociation)
+        if self.association not in associations:
             raise InvalidInput(
-                f"meeting must be one of {', '.join(get_args(Meeting))}, got {self.association!r}"
+                f"association must be one of {', '.join(associations)}, got {self.association!r}"
             )
         require_count("neighbour_cells", self.neighbour_cells, 0)
         require_at_least("weight_power", self.weight_power, 0.0)
-        require_fraction("loose_step", self.coarse_tolerance)
+        require_fraction("coarse_tolerance", self.coarse_tolerance)
 
     @classmethod
     def stoyanov2012(cls) -> "NdtD2d":
-        """Return the settings of the code that Stoyanov et al. published with their paper.
+        """Return the settings of the code published with Stoyanov et al. 2012.
 
-        Cells of 2, 1 and 0.5 m, the Gaussians up to two cells away, a sharpness of 0.05, steps
-        down to 1 mm, at most 30 at a width. Their line search is not the solver here.
+        Cells of 2, 1 and 0.5 m, Gaussians up to two cells away, a sharpness of 0.05, a step
+        tolerance of 1 mm and at most 30 iterations at each size. The line search is not theirs.
         """
         return cls(
             cell_sizes=(2.0, 1.0, 0.5),
@@ -94,39 +102,38 @@ class NdtD2d(Method[VoxelScan]):
 
     @property
     def covariance_factor(self) -> float:
-        """Measured on simulated pairs; see `benchmarks/uncertainty`."""
+        """Calibrated on simulated pairs, see `Method.covariance_factor`."""
         return 0.86
 
-    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> VoxelScan:
-        """Return what the method keeps of a scan."""
+    def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> GaussianScan:
+        """Estimate the Gaussians of a scan at each cell size."""
         return prepare_voxels(cloud, self.grid, self.cell_sizes, log)
 
     def align(
         self,
-        target: VoxelScan,
-        source: VoxelScan,
+        target: GaussianScan,
+        source: GaussianScan,
         start: Pose | None = None,
         constraints: Constraints = UNCONSTRAINED,
     ) -> Solution:
-        """Return the pose that carries the source onto the target, from a start."""
-        return minimise_staged(self._stages(target, source, constraints), start or Pose.identity())
-
-    def _stages(
-        self, target: VoxelScan, source: VoxelScan, constraints: Constraints
-    ) -> Iterator[Stage]:
+        """Minimise the score over the pose at each dense cell size, coarse to fine."""
         scales = dense_scales(target, source)
-        for scale in scales:
-            stays, moves = target.voxels[scale], source.voxels[scale]
-            loose = 0.0 if scale == scales[-1] else self.coarse_tolerance * stays.size
-            objective = GaussiansToGaussians(
-                target=stays.gaussians,
-                source=moves.gaussians,
-                shape=self.shape,
-                weight_power=self.weight_power,
-                curvature=self.solver.curvature,
-                candidates=self._candidates(stays),
-            )
-            yield with_tolerance(self.solver, loose), constraints.applied_to(objective)
+        sizes = [target.voxels[scale].size for scale in scales]
+        solvers = stage_solvers(self.solver, sizes, self.coarse_tolerance)
+        objectives = (
+            constraints.applied_to(self._objective(target, source, scale)) for scale in scales
+        )
+        return minimise_staged(zip(solvers, objectives, strict=True), start or Pose.identity())
+
+    def _objective(self, target: GaussianScan, source: GaussianScan, scale: int) -> Objective:
+        return GaussiansToGaussians(
+            target=target.gaussians[scale],
+            source=source.gaussians[scale],
+            shape=self.shape,
+            weight_power=self.weight_power,
+            curvature=self.solver.curvature,
+            candidates=self._candidates(target.voxels[scale]),
+        )
 
     def _candidates(self, target: VoxelGaussians) -> Association | None:
         if self.association == "nearest":

@@ -1,8 +1,8 @@
-"""Which pairs are too far apart to be believed: a limit for each iteration of ICP.
+"""Rejection of correspondences by distance: fixed, trimmed, or an adaptive threshold.
 
-Madhavan and Messina 2003, section 2.1, take theirs from Zhang 1994: a limit that follows the mean
-and the deviation of the pair distances, in four cases told apart by D, the mean distance of scans
-that are well aligned.
+The adaptive threshold is that of Madhavan and Messina 2003, section 2.1, after Zhang 1994. It
+follows the mean and the standard deviation of the correspondence distances in four cases, which are
+separated by D, the mean distance of well aligned scans.
 """
 
 from dataclasses import dataclass
@@ -19,70 +19,72 @@ from scanlock.errors import (
     require_positive,
 )
 
-_VALLEY = 0.6
-"""A valley of the histogram holds at most this share of the peak before it (Zhang 1994)."""
+_MAX_VALLEY_RATIO = 0.6
+"""Maximum count of a valley of the histogram over that of the peak before it (Zhang 1994)."""
 
-_FEWEST_BINS, _MOST_BINS = 10, 200
-"""Bins of the histogram between nothing and the farthest pair."""
+_MIN_BINS, _MAX_BINS = 10, 200
+"""Number of bins of the histogram between zero and the largest distance."""
 
 
 class Rejection(Protocol):
-    """Settings that tell from the distances of all pairs how far apart a good pair may be."""
+    """Settings that compute the distance threshold of an iteration from all distances."""
 
     @property
     def max_distance(self) -> float:
-        """Distance beyond which no pair will ever be kept [m]; the search need not look there."""
+        """Upper bound of all thresholds [m], to which the search is limited."""
         ...
 
     def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
-        """Return the largest distance of a good pair [m].
+        """Return the maximum distance of the correspondences to keep [m].
 
         Parameters
         ----------
         distances : (n,) [m]
-            Of all pairs, at least one.
+            Distances of all correspondences, at least one.
         previous : float [m]
-            The limit of the iteration before; infinite until there is one to heed.
+            Threshold of the previous iteration. Infinite while statistics are to include all
+            correspondences.
         spacing : float [m]
             Typical distance between neighbouring points of the target.
         """
         ...
 
     def note(self, spacing: float) -> str:
-        """Return what the gate inferred from the spacing, for people; empty for nothing."""
+        """Return a note on values derived from the spacing; empty if there are none."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class FixedRejection:
-    """The same limit in every iteration."""
+    """The same threshold in every iteration."""
 
     max_correspondence_distance: float = 1.0
-    """Pairs farther apart are dropped [m]."""
+    """Maximum distance of a correspondence [m]."""
 
     def __post_init__(self) -> None:
         require_positive("max_correspondence_distance", self.max_correspondence_distance, unit="m")
 
     @property
     def max_distance(self) -> float:
-        """The limit itself [m]."""
+        """The fixed threshold [m]."""
         return self.max_correspondence_distance
 
     def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
-        """Return the fixed distance."""
+        """Return the fixed threshold [m]."""
         return self.max_correspondence_distance
 
     def note(self, spacing: float) -> str:
-        """Return nothing: nothing was inferred."""
+        """Return an empty note."""
         return ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrimmedRejection:
-    """The limit that keeps the closest share of the pairs (Chetverikov et al. 2002)."""
+    """A threshold that keeps a fixed ratio of the correspondences (Chetverikov et al. 2002)."""
 
     inlier_ratio: float = 0.7
-    """Share of the pairs to keep, about the share of the source that the target shows too."""
+    """Ratio of the correspondences to keep, the closest ones. Choose about the overlap of the
+    source with the target."""
 
     def __post_init__(self) -> None:
         require_positive("inlier_ratio", self.inlier_ratio)
@@ -90,51 +92,53 @@ class TrimmedRejection:
 
     @property
     def max_distance(self) -> float:
-        """Without end."""
+        """Infinity: the threshold has no upper bound."""
         return np.inf
 
     def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
-        """Return the distance of the last pair of the closest share."""
+        """Return the distance at the quantile of the inlier ratio [m]."""
         last = max(0, int(np.ceil(self.inlier_ratio * len(distances))) - 1)
         return float(np.partition(distances, last)[last])
 
     def note(self, spacing: float) -> str:
-        """Return nothing: nothing was inferred."""
+        """Return an empty note."""
         return ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AdaptiveRejection:
-    """The adaptive limit of Madhavan and Messina 2003, with a rule that it cannot freeze small.
+    """The adaptive threshold of Madhavan and Messina 2003, with lower bounds.
 
-    With the mean mu and deviation sigma of the pair distances, the limit is ``mu + 3 sigma`` where
-    ``mu < D``, ``mu + 2 sigma`` below 3 D, ``mu + sigma`` below 6 D, and beyond that the epsilon
-    that the paper leaves open; here, as in Zhang 1994, the first valley of the histogram.
+    With the mean mu and the standard deviation sigma of the distances, the threshold is
+    ``mu + 3 sigma`` if ``mu < D``, ``mu + 2 sigma`` below 3 D and ``mu + sigma`` below 6 D. Beyond
+    that it is the paper's epsilon, which is unspecified there. Here it is the first valley of the
+    histogram of distances, as in Zhang 1994.
     """
 
     good_distance: float | None = None
-    """Mean pair distance of well aligned scans, D [m]; None for `spacings` of the target's."""
+    """Mean distance of the correspondences of well aligned scans, D [m]. None derives it from the
+    spacing of the target."""
 
     good_distance_in_spacings: float = 3.0
-    """D over the typical distance between neighbouring points of the target.
+    """D as a multiple of the typical distance between neighbouring points of the target.
 
-    Zhang advises two to three. Scans a few metres apart hide parts of each other, which lifts the
-    mean distance at the right pose to two or three times that of scans from one place.
+    Zhang recommends two to three. Scans a few metres apart occlude parts of each other, which
+    raises the mean distance at the true pose to two or three times that of scans from one position.
     """
 
     statistics: Literal["all", "kept"] = "kept"
-    """Mean and deviation of the pairs within the previous limit, as in Zhang 1994, or of all, as
-    in the paper. What only one scan shows lifts the statistics of all pairs for good, so that the
-    limit stays wide at the right pose."""
+    """Correspondences that enter mean and standard deviation: those within the previous threshold,
+    as in Zhang 1994, or all, as in the paper. Surfaces that only one scan has raise the statistics
+    of all correspondences, so that the threshold stays wide at the true pose."""
 
     min_threshold_ratio: float = 0.5
-    """The limit is never below this share of D: closer pairs differ by sampling alone."""
+    """Minimum threshold as a ratio of D. Smaller distances are due to sampling."""
 
     min_kept_ratio: float = 0.1
-    """The limit is widened until this share of the pairs is kept, and at least `least_pairs`."""
+    """Minimum ratio of correspondences to keep; the threshold is raised to keep them."""
 
     min_kept: int = 50
-    """As many of the pairs as there are of these are always kept."""
+    """Minimum number of correspondences to keep."""
 
     def __post_init__(self) -> None:
         if self.good_distance is not None:
@@ -148,23 +152,25 @@ class AdaptiveRejection:
 
     @property
     def max_distance(self) -> float:
-        """Without end."""
+        """Infinity: the threshold has no upper bound."""
         return np.inf
 
     def threshold(self, distances: Vector, previous: float, spacing: float) -> float:
-        """Return the limit of the four cases, widened where it would keep too little."""
-        least_count = max(self.min_kept, int(np.ceil(self.min_kept_ratio * len(distances))))
-        last = min(least_count, len(distances)) - 1
-        least_kept = float(np.partition(distances, last)[last])
+        """Return the threshold of the four cases [m], raised to its lower bounds."""
+        min_kept = max(self.min_kept, int(np.ceil(self.min_kept_ratio * len(distances))))
+        last = min(min_kept, len(distances)) - 1
+        keeping_enough = float(np.partition(distances, last)[last])
         counted = distances
-        # Statistics of what a small limit keeps are small themselves: never of too few pairs.
-        if self.statistics == "kept" and previous >= least_kept:
+        # The statistics of few close correspondences are small and would shrink the threshold
+        # further in each iteration.
+        if self.statistics == "kept" and previous >= keeping_enough:
             counted = distances[distances <= previous]
         good = self.good_distance_at(spacing)
-        return max(self._by_case(counted, good), self.min_threshold_ratio * good, least_kept)
+        lower_bound = self.min_threshold_ratio * good
+        return max(self._by_case(counted, good), lower_bound, keeping_enough)
 
     def good_distance_at(self, spacing: float) -> float:
-        """Return D [m] for a target of this spacing."""
+        """Return D [m] for a target of this spacing [m]."""
         return (
             self.good_distance
             if self.good_distance is not None
@@ -172,39 +178,40 @@ class AdaptiveRejection:
         )
 
     def note(self, spacing: float) -> str:
-        """Return D and where it came from."""
+        """Return D if it was derived from the spacing."""
         if self.good_distance is not None:
             return ""
         return (
-            f"good pair distance D = {self.good_distance_at(spacing):.3g} m, "
+            f"good correspondence distance D = {self.good_distance_at(spacing):.3g} m, "
             f"{self.good_distance_in_spacings:g} times the spacing of the target"
         )
 
     def _by_case(self, distances: Vector, good: float) -> float:
         mean, deviation = float(distances.mean()), float(distances.std())
-        for most, deviations in ((good, 3.0), (3.0 * good, 2.0), (6.0 * good, 1.0)):
-            if mean < most:
+        for upper, deviations in ((good, 3.0), (3.0 * good, 2.0), (6.0 * good, 1.0)):
+            if mean < upper:
                 return mean + deviations * deviation
         return valley_after_peak(distances)
 
 
 def valley_after_peak(distances: Vector) -> float:
-    """Return the first valley after the peak of the histogram of pair distances [m].
+    """Return the first valley after the peak of the histogram of distances [m].
 
-    A valley is a bin with at most 60 % of the peak and no more than the bin after it. Bins are
-    as wide as Freedman and Diaconis 1981 advise. Where there is no valley before the last bin,
-    the median is returned: half of the pairs are then believed.
+    A valley is a bin with at most 60 % of the count of the peak and no more than the next bin. The
+    bin width is that of Freedman and Diaconis 1981. The median is returned if there is no valley
+    before the last bin, which keeps half of the correspondences.
     """
     low, middle, high = np.percentile(distances, [25, 50, 75])
     farthest = float(distances.max())
     width = 2.0 * (high - low) / np.cbrt(len(distances))
     if not width > 0.0:
         return float(middle)
-    bins = int(np.clip(np.ceil(farthest / width), _FEWEST_BINS, _MOST_BINS))
+    bins = int(np.clip(np.ceil(farthest / width), _MIN_BINS, _MAX_BINS))
     counts, edges = np.histogram(distances, bins, (0.0, farthest))
     peak = int(np.argmax(counts))
     after = np.arange(peak + 1, bins - 1)
-    is_valley = (counts[after] <= _VALLEY * counts[peak]) & (counts[after] <= counts[after + 1])
+    is_low = counts[after] <= _MAX_VALLEY_RATIO * counts[peak]
+    is_valley = is_low & (counts[after] <= counts[after + 1])
     if not is_valley.any():
         return float(middle)
     valley = int(after[np.argmax(is_valley)])

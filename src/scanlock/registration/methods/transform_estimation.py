@@ -1,7 +1,7 @@
-"""The motion that brings pairs together: steps 2 and 3 of Madhavan and Messina 2003."""
+"""Transform estimation from correspondences: steps 2 and 3 of Madhavan and Messina 2003."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,59 +22,56 @@ from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.registration.methods.correspondences import Correspondences, PointScan, Residual
 
-Step = Literal["svd", "quaternion", "gauss-newton"]
-"""How the motion that fits the pairs best is found.
+Algorithm = Literal["svd", "quaternion", "gauss-newton"]
+"""Algorithm that minimises the residuals of fixed correspondences.
 
-``"svd"`` and ``"quaternion"`` are closed forms of one answer, the best fit of points to points;
-``"gauss-newton"`` linearises, and can do what they cannot: planes, full covariances and priors.
+``"svd"`` and ``"quaternion"`` are closed forms for point-to-point residuals with the same result.
+``"gauss-newton"`` takes one step. It also handles planes, full covariances and priors.
 """
-
 
 _PACKED_IDENTITY = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TransformEstimation:
-    """Settings that turn pairs into a motion."""
+    """Settings of the transform estimation from correspondences."""
 
-    algorithm: Step = "svd"
-    """How the motion is found."""
+    algorithm: Algorithm = "svd"
+    """Algorithm that minimises the residuals."""
 
     residual: Residual = "point-to-point"
-    """What is made small: the distance of a pair, or that to the target's surface."""
+    """Residual of a correspondence: its distance, or the distance to the plane of the target."""
 
     sampling_deviation: float = 0.1
-    """Standard deviation of a pair by sampling [m]: hardly a point of a surface is met again. It
-    scales the objective, and so what a prior weighs against. A noise model comes on top of it for
-    points, and in its place for planes, which do not care where a point lies on them."""
+    """Standard deviation of a correspondence due to sampling [m]: two scans hardly ever measure the
+    same point. It scales the objective and so the weight of a prior. A noise model is added to it
+    for points, and replaces it for planes, whose residuals do not depend on the sampling."""
 
     rotation_scale: float = 20.0
     """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
 
     def __post_init__(self) -> None:
-        if self.algorithm not in ("svd", "quaternion", "gauss-newton"):
-            raise InvalidInput(
-                f"step must be 'svd', 'quaternion' or 'gauss-newton', got {self.algorithm!r}"
-            )
-        if self.residual not in ("point-to-point", "point-to-plane"):
-            raise InvalidInput(
-                f"residual must be 'point-to-point' or 'point-to-plane', got {self.residual!r}"
-            )
+        for name, value, choices in (
+            ("algorithm", self.algorithm, get_args(Algorithm)),
+            ("residual", self.residual, get_args(Residual)),
+        ):
+            if value not in choices:
+                raise InvalidInput(f"{name} must be one of {', '.join(choices)}, got {value!r}")
         if self.residual == "point-to-plane" and self.algorithm != "gauss-newton":
             raise InvalidInput(
-                "step must be 'gauss-newton' for point-to-plane, which has no closed form, got "
-                f"{self.algorithm!r}"
+                "algorithm must be 'gauss-newton' for point-to-plane, which has no closed form, "
+                f"got {self.algorithm!r}"
             )
         require_positive("sampling_deviation", self.sampling_deviation, unit="m")
-        require_positive("lever", self.rotation_scale, unit="m")
+        require_positive("rotation_scale", self.rotation_scale, unit="m")
 
     def objective(
         self, target: PointScan, source: PointScan, pairs: Correspondences, pose: Pose
     ) -> PointPairs:
-        """Return what the pairs of a pose cost, as it is written in eq. (2) of the paper.
+        """Return the objective of the correspondences at a pose, eq. (2) of the paper.
 
-        Noisy scans (those with covariances) weigh a pair by the inverse of its covariance at
-        `pose`: whole for the step of Gauss and Newton, a third of its trace for closed forms.
+        With noise covariances each correspondence is weighted by its inverse covariance at `pose`:
+        the full matrix for Gauss-Newton, a third of its trace for closed forms.
         """
         rows = pairs.target_rows, pairs.source_rows
         weights = pairs.weights / self._variances(target, source, pairs, pose)
@@ -82,8 +79,8 @@ class TransformEstimation:
             precisions = plane_precisions(target.normals[rows[0]], weights)
         elif self.algorithm == "gauss-newton" and len(target.covariances):
             sampled = target.covariances[rows[0]] + self.sampling_deviation**2 * _PACKED_IDENTITY
-            found = noise_precisions(sampled, source.covariances[rows[1]], pose)
-            precisions = pairs.weights[:, None] * found
+            unweighted = noise_precisions(sampled, source.covariances[rows[1]], pose)
+            precisions = pairs.weights[:, None] * unweighted
         else:
             precisions = point_precisions(weights)
         return PointPairs(
@@ -97,33 +94,38 @@ class TransformEstimation:
     def next_pose(
         self, objective: PointPairs, quadratic: Quadratic, pose: Pose, constraints: Constraints
     ) -> tuple[Pose, str]:
-        """Return the pose at which the pairs fit best, and a note where no closed form could.
+        """Return the minimising pose of fixed correspondences, or the pose of the next step.
 
         Parameters
         ----------
         objective : PointPairs
         quadratic : Quadratic
-            Of the objective under the restraint, at `pose`.
+            The constrained objective at `pose`.
         pose : Pose
-            Where the pairs were made.
-        restraint : Restraint
+            The pose of the correspondences.
+        constraints : Constraints
+
+        Returns
+        -------
+        pose : Pose
+        note : str
+            Why Gauss-Newton replaced the closed form; empty if it did not.
         """
         note = ""
         if self.algorithm != "gauss-newton":
             if constraints.prior is None:
                 increment = self._closed_form(objective, pose, constraints)
                 if increment is not None:
-                    moved = increment @ pose
-                    return moved, ""
-                note = "pairs on a line hold no rotation: a step of Gauss and Newton instead"
+                    return increment @ pose, ""
+                note = "correspondences on a line leave a rotation open: Gauss-Newton step instead"
             else:
-                note = "no closed form heeds a prior: steps of Gauss and Newton instead"
+                note = "closed forms cannot include a prior: Gauss-Newton steps instead"
         return pose.retract(gauss_newton_step(quadratic, self.rotation_scale)), note
 
     def _variances(
         self, target: PointScan, source: PointScan, pairs: Correspondences, pose: Pose
     ) -> Vector:
-        """Return the (m,) variance of each residual [m^2], along one axis."""
+        """Return the (m,) variance of each residual along one axis [m^2]."""
         if not len(target.covariances):
             return np.full(len(pairs), self.sampling_deviation**2)
         of_target = target.covariances[pairs.target_rows]
@@ -138,7 +140,7 @@ class TransformEstimation:
     def _closed_form(
         self, objective: PointPairs, pose: Pose, constraints: Constraints
     ) -> Pose | None:
-        """Return the motion after `pose` that fits best; None where the pairs hold none."""
+        """Return the best motion after `pose`; None if the correspondences do not determine it."""
         moments = PairMoments.of(
             objective.target[objective.target_rows],
             pose.apply(objective.source[objective.source_rows]),

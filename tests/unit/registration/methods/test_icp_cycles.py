@@ -1,4 +1,4 @@
-"""ICP where poses come back: limits that grow and shrink in turn, pairs that change sides."""
+"""ICP with recurring poses: thresholds that grow and shrink, correspondences that alternate."""
 
 import itertools
 import math
@@ -10,61 +10,69 @@ from reference import point_tree
 from reference.point_scans import point_scan
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
-from scanlock.registration.methods.correspondences import CorrespondenceFinder
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.rejection import FixedRejection
 
 _LATTICE = 10.0 * np.array(list(itertools.product(range(4), repeat=3)), np.float64) - 15.0
-"""Points too far apart for a pair to change sides."""
+"""Points too far apart for another point to become the nearest."""
 
 
 @dataclass
-class _Seesaw:
-    """A gate that widens where the pairs are near and narrows where they are far."""
+class _AlternatingRejection:
+    """A threshold that is wide for small distances and narrow for large ones."""
 
-    reach: float = math.inf
+    max_distance: float = math.inf
 
-    def limit(self, distances, previous, spacing):
+    def threshold(self, distances, previous, spacing):
         return 2.0 if distances.mean() < 0.3 else 0.5
 
     def note(self, spacing):
         return ""
 
 
-def test_limits_that_grow_and_shrink_for_ever_are_held_at_their_least():
+def test_alternating_thresholds_are_bounded_by_their_minimum():
     source = _LATTICE.copy()
-    source[::4, 0] += 1.0  # a quarter of the points, which the wide limit lets in
-    method = Icp(voxel_size=None, correspondences=CorrespondenceFinder(rejection=_Seesaw()))
+    source[::4, 0] += 1.0  # a quarter of the points, which only the wide threshold keeps
+    method = Icp(voxel_size=None, rejection=_AlternatingRejection())
     solution = method.align(point_scan(_LATTICE), point_scan(source), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20
-    assert "the same pairs came back: limit held at 0.5 m" in solution.notes
+    assert "poses recurred: distance threshold at most 0.5 m" in solution.notes
     assert solution.history[-1].pairs == 48
-    # The points that did not move fit exactly: the held limit is descended to its end.
+    # The points that did not move fit exactly, and the bounded threshold keeps only these.
     assert solution.pose.is_close(Pose.identity(), translation=1e-6, rotation=1e-7)
 
 
 @dataclass
-class _Turncoat:
-    """A search that answers with one set of partners and the other in turn."""
+class _AlternatingSearch:
+    """A search that returns points of the first and of the second half in turn."""
 
     points: np.ndarray
     calls: int = 0
 
-    def nearest(self, queries, limit=np.inf):
+    def nearest(self, queries, max_distance=np.inf):
         rows, distances = point_tree.nearest(self.points[: len(queries)], queries)
         self.calls += 1
         return rows + len(queries) * (self.calls % 2), distances
 
 
-def test_pairs_that_change_sides_for_ever_end_it():
-    # Two copies of the lattice, 0.2 m apart, and each in turn for the closest.
+def test_alternating_correspondences_end_the_iteration():
+    # Two copies of the lattice, 0.2 m apart, of which each in turn is found.
     both = np.concatenate([_LATTICE, _LATTICE + np.array([0.2, 0.0, 0.0])])
-    target = point_scan(both, closest=_Turncoat(both))
-    method = Icp(correspondences=CorrespondenceFinder(rejection=FixedRejection()))
+    target = point_scan(both, closest=_AlternatingSearch(both))
+    method = Icp(rejection=FixedRejection())
     solution = method.align(target, point_scan(_LATTICE), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20
-    assert "the same pairs came back: limit held at 1 m" in solution.notes
-    ends = [one.pose.translation[0] for one in solution.history]
-    np.testing.assert_allclose(np.sort(np.unique(np.round(ends, 9))), [0.0, 0.2])
+    assert "poses recurred: distance threshold at most 1 m" in solution.notes
+    positions = [one.pose.translation[0] for one in solution.history]
+    np.testing.assert_allclose(np.sort(np.unique(np.round(positions, 9))), [0.0, 0.2])
+
+
+def test_alternating_correspondences_end_the_iteration_without_a_threshold():
+    both = np.concatenate([_LATTICE, _LATTICE + np.array([0.2, 0.0, 0.0])])
+    target = point_scan(both, closest=_AlternatingSearch(both))
+    method = Icp(rejection=None, max_correspondence_distance=math.inf)
+    solution = method.align(target, point_scan(_LATTICE), Pose.identity())
+    assert solution.reason is StopReason.STEP_SMALL
+    assert len(solution.history) < 20

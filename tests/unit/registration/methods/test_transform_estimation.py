@@ -17,9 +17,8 @@ from scanlock.registration.methods.transform_estimation import TransformEstimati
 
 _POSE = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.4, 0.9]))
 _START = _POSE.retract(np.array([0.4, -0.3, 0.2, 0.05, -0.03, 0.08]))
-_STEPS = ("svd", "quaternion", "gauss-newton")
-_with_each_step = pytest.mark.parametrize("step", _STEPS)
-_with_each_closed_form = pytest.mark.parametrize("step", ["svd", "quaternion"])
+_with_each_algorithm = pytest.mark.parametrize("algorithm", ["svd", "quaternion", "gauss-newton"])
+_with_each_closed_form = pytest.mark.parametrize("algorithm", ["svd", "quaternion"])
 
 
 def _packed(full):
@@ -31,14 +30,15 @@ def _covariances(rng, count):
 
 
 def _pairs(rows, weights=None):
+    count = len(rows[0])
+    weights = np.ones(count) if weights is None else weights
     return Correspondences(
-        np.array(rows[0]), np.array(rows[1]), np.ones(len(rows[0])) if weights is None else weights,
-        0.1, 1.0,
-    )  # fmt: skip
+        np.array(rows[0]), np.array(rows[1]), np.full(count, 0.1), weights, threshold=1.0
+    )
 
 
-def _scene(noise=0.05, count=40, *, is_noisy=False):
-    """Scans whose pairs fit best near `_POSE`, with weights; some points have no partner."""
+def _scans(noise=0.05, count=40, *, is_noisy=False):
+    """Scans that match best near `_POSE`, with weighted correspondences of some of their points."""
     rng = np.random.default_rng(4)
     source = rng.uniform(-10.0, 10.0, (count + 5, 3))
     order = rng.permutation(len(source))
@@ -54,161 +54,163 @@ def _scene(noise=0.05, count=40, *, is_noisy=False):
     return *sides, _pairs((np.arange(count), order[:count]), rng.uniform(0.1, 1.0, count))
 
 
-def _gaps(target, source, pairs, pose):
+def _differences(target, source, pairs, pose):
     return pose.apply(source.points)[pairs.source_rows] - target.points[pairs.target_rows]
 
 
-def _fitted(fit, scene, constraints=UNCONSTRAINED, start=_START, steps=1):
-    """Where some steps on the same pairs lead, and the last note."""
-    target, source, pairs = scene
-    objective, pose, note = fit.objective(target, source, pairs, start), start, ""
+def _estimated(estimation, scans, constraints=UNCONSTRAINED, start=_START, steps=1):
+    """The pose after some steps on the same correspondences, and the last note."""
+    target, source, pairs = scans
+    objective, pose, note = estimation.objective(target, source, pairs, start), start, ""
     for _ in range(steps):
-        pose, note = fit.next_pose(
+        pose, note = estimation.next_pose(
             objective, constraints.applied_to(objective).linearise(pose), pose, constraints
         )
     return pose, note
 
 
-@_with_each_step
+@_with_each_algorithm
 @pytest.mark.parametrize("deviation", [0.1, 0.5])
-def test_distances_cost_their_squares_over_the_variance(step, deviation):
-    target, source, pairs = _scene()
-    objective = TransformEstimation(algorithm=step, sampling_deviation=deviation).objective(
+def test_the_objective_is_the_squared_distance_over_the_variance(algorithm, deviation):
+    target, source, pairs = _scans()
+    objective = TransformEstimation(algorithm=algorithm, sampling_deviation=deviation).objective(
         target, source, pairs, _START
     )
-    squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
+    squares = (_differences(target, source, pairs, _POSE) ** 2).sum(axis=1)
     expected = 0.5 * np.mean(pairs.weights * squares / deviation**2)
-    # The weights are settled where the pairs were made; the cost is that of any pose.
+    # The weights are those of the start; the objective can be evaluated at any pose.
     assert objective.linearise(_POSE).value == pytest.approx(expected, rel=1e-12)
     assert objective.count == len(pairs)
 
 
-def test_planes_cost_only_what_lies_along_the_normal_of_the_target():
-    target, source, pairs = _scene()
-    fit = TransformEstimation(
+def test_point_to_plane_residuals_are_along_the_normal_of_the_target():
+    target, source, pairs = _scans()
+    estimation = TransformEstimation(
         algorithm="gauss-newton", residual="point-to-plane", sampling_deviation=0.3
     )
     normals = target.normals[pairs.target_rows]
-    offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
+    offsets = (_differences(target, source, pairs, _POSE) * normals).sum(axis=1)
     expected = 0.5 * np.mean(pairs.weights * offsets**2) / 0.3**2
-    found = fit.objective(target, source, pairs, _START).linearise(_POSE).value
+    found = estimation.objective(target, source, pairs, _START).linearise(_POSE).value
     assert found == pytest.approx(expected, rel=1e-12)
 
 
 def _pair_covariances(target, source, pairs):
-    """Of each pair's difference, where the pairs were made."""
+    """Covariance of the difference of each correspondence at the start."""
     turned = _START.rotation @ unpacked(source.covariances) @ _START.rotation.T
     return unpacked(target.covariances)[pairs.target_rows] + turned[pairs.source_rows]
 
 
 @_with_each_closed_form
-def test_closed_forms_weigh_noise_and_sampling_by_their_mean_variance(step):
-    target, source, pairs = _scene(is_noisy=True)
-    found = TransformEstimation(algorithm=step, sampling_deviation=0.05).objective(
+def test_closed_forms_weight_by_the_mean_variance(algorithm):
+    target, source, pairs = _scans(is_noisy=True)
+    found = TransformEstimation(algorithm=algorithm, sampling_deviation=0.05).objective(
         target, source, pairs, _START
     )
-    squares = (_gaps(target, source, pairs, _POSE) ** 2).sum(axis=1)
+    squares = (_differences(target, source, pairs, _POSE) ** 2).sum(axis=1)
     variances = np.trace(_pair_covariances(target, source, pairs), axis1=1, axis2=2) / 3.0 + 0.05**2
     expected = 0.5 * np.mean(pairs.weights * squares / variances)
     assert found.linearise(_POSE).value == pytest.approx(expected, rel=1e-10)
 
 
-def test_gauss_and_newton_weigh_noise_and_sampling_by_the_whole_covariance():
-    target, source, pairs = _scene(is_noisy=True)
-    fit = TransformEstimation(algorithm="gauss-newton", sampling_deviation=0.05)
-    gaps = _gaps(target, source, pairs, _POSE)
+def test_gauss_newton_weights_by_the_full_covariance():
+    target, source, pairs = _scans(is_noisy=True)
+    estimation = TransformEstimation(algorithm="gauss-newton", sampling_deviation=0.05)
+    differences = _differences(target, source, pairs, _POSE)
     inverses = np.linalg.inv(_pair_covariances(target, source, pairs) + 0.05**2 * np.eye(3))
-    expected = 0.5 * np.mean(pairs.weights * np.einsum("mi,mij,mj->m", gaps, inverses, gaps))
-    found = fit.objective(target, source, pairs, _START).linearise(_POSE).value
+    expected = 0.5 * np.mean(
+        pairs.weights * np.einsum("mi,mij,mj->m", differences, inverses, differences)
+    )
+    found = estimation.objective(target, source, pairs, _START).linearise(_POSE).value
     assert found == pytest.approx(expected, rel=1e-10)
 
 
-def test_planes_weigh_noise_by_its_variance_along_the_normal():
-    target, source, pairs = _scene(is_noisy=True)
-    fit = TransformEstimation(
+def test_planes_weight_by_the_variance_along_the_normal():
+    target, source, pairs = _scans(is_noisy=True)
+    estimation = TransformEstimation(
         algorithm="gauss-newton", residual="point-to-plane", sampling_deviation=7.0
     )
     normals = target.normals[pairs.target_rows]
-    offsets = (_gaps(target, source, pairs, _POSE) * normals).sum(axis=1)
+    offsets = (_differences(target, source, pairs, _POSE) * normals).sum(axis=1)
     both = _pair_covariances(target, source, pairs)
     variances = np.einsum("mi,mij,mj->m", normals, both, normals)
     expected = 0.5 * np.mean(pairs.weights * offsets**2 / variances)
-    found = fit.objective(target, source, pairs, _START).linearise(_POSE).value
+    found = estimation.objective(target, source, pairs, _START).linearise(_POSE).value
     assert found == pytest.approx(expected, rel=1e-10)
 
 
 @_with_each_closed_form
-def test_a_closed_form_is_at_the_minimum_in_one_step(step):
-    target, source, pairs = _scene(noise=0.3)
-    found, note = _fitted(TransformEstimation(algorithm=step), (target, source, pairs))
+def test_a_closed_form_reaches_the_minimum_in_one_step(algorithm):
+    target, source, pairs = _scans(noise=0.3)
+    found, note = _estimated(TransformEstimation(algorithm=algorithm), (target, source, pairs))
     rows = target.points[pairs.target_rows], source.points[pairs.source_rows]
     expected = fit_arun(*rows, pairs.weights)
     assert note == ""
     assert found.is_close(expected, translation=1e-12, rotation=1e-12)
-    # Weights matter here, or the line above would say nothing of them.
+    # The weights change the minimum.
     assert found.distance(fit_arun(*rows))[0] > 1e-3
-    clean, _ = _fitted(TransformEstimation(algorithm=step), _scene(noise=0.0))
+    clean, _ = _estimated(TransformEstimation(algorithm=algorithm), _scans(noise=0.0))
     assert clean.is_close(_POSE, translation=1e-12, rotation=1e-12)
 
 
-def test_each_closed_form_is_the_one_it_is_called():
-    target, source, pairs = _scene(noise=0.3)
+def test_each_algorithm_uses_its_closed_form():
+    target, source, pairs = _scans(noise=0.3)
     rows = target.points[pairs.target_rows], _START.apply(source.points[pairs.source_rows])
     objective = TransformEstimation().objective(target, source, pairs, _START)
     moments = PairMoments.of(*rows, objective.precisions[:, 0])
-    # They differ by rounding alone, so only equality to the bit tells them apart.
+    # They differ by rounding only, so equality must be exact.
     forms = {"svd": moments.by_singular_values(), "quaternion": moments.by_quaternion()}
     assert forms["svd"] != forms["quaternion"]
-    for step, form in forms.items():
+    for algorithm, form in forms.items():
         assert (
-            _fitted(TransformEstimation(algorithm=step), (target, source, pairs))[0]
+            _estimated(TransformEstimation(algorithm=algorithm), (target, source, pairs))[0]
             == form @ _START
         )
 
 
-def test_steps_of_gauss_and_newton_end_where_the_closed_form_is():
-    scene = _scene(noise=0.3)
-    closed, _ = _fitted(TransformEstimation(algorithm="svd"), scene)
-    first, note = _fitted(TransformEstimation(algorithm="gauss-newton"), scene)
+def test_gauss_newton_converges_to_the_closed_form():
+    scans = _scans(noise=0.3)
+    closed, _ = _estimated(TransformEstimation(algorithm="svd"), scans)
+    first, note = _estimated(TransformEstimation(algorithm="gauss-newton"), scans)
     assert note == ""
     assert first.distance(closed)[0] > 1e-4
-    settled, _ = _fitted(TransformEstimation(algorithm="gauss-newton"), scene, steps=20)
-    assert settled.is_close(closed, translation=1e-10, rotation=1e-11)
+    converged, _ = _estimated(TransformEstimation(algorithm="gauss-newton"), scans, steps=20)
+    assert converged.is_close(closed, translation=1e-10, rotation=1e-11)
 
 
-@_with_each_step
-def test_pairs_of_no_weight_pull_nothing(step):
-    target, source, pairs = _scene()
+@_with_each_algorithm
+def test_correspondences_of_zero_weight_have_no_effect(algorithm):
+    target, source, pairs = _scans()
     weights = np.where(np.arange(len(pairs)) % 4 == 0, 0.0, pairs.weights)
     kept = weights > 0.0
-    # Without weight, the count that the objective is a mean over changes, but no minimum.
+    # They change the count of the mean, but not the minimum.
     some = _pairs((pairs.target_rows[kept], pairs.source_rows[kept]), weights[kept])
     all_pairs = _pairs((pairs.target_rows, pairs.source_rows), weights)
     found, expected = (
-        _fitted(TransformEstimation(algorithm=step), (target, source, one))[0]
+        _estimated(TransformEstimation(algorithm=algorithm), (target, source, one))[0]
         for one in (all_pairs, some)
     )
     assert found.is_close(expected, translation=1e-10, rotation=1e-10)
 
 
-def test_planes_find_a_known_motion():
-    scene = _scene(noise=0.0, count=60)
-    fit = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
-    found, note = _fitted(fit, scene, steps=8)
+def test_point_to_plane_recovers_a_known_pose():
+    scans = _scans(noise=0.0, count=60)
+    estimation = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
+    found, note = _estimated(estimation, scans, steps=8)
     assert note == ""
     assert found.is_close(_POSE, translation=1e-9, rotation=1e-10)
 
 
-def _best_of(dof, scene, start):
-    """The pose of least cost, by a search without derivatives over what is free."""
-    target, source, pairs = scene
+def _best_of(dof, scans, start):
+    """The minimising pose, by a search without derivatives over the free directions."""
+    target, source, pairs = scans
 
     def pose(free):
         x, y, z, yaw = free if dof == "xyz+yaw" else (*free[:2], 0.0, free[2])
         return Pose.from_step(np.array([x, y, z, 0.0, 0.0, yaw])) @ start
 
     def cost(free):
-        squares = (_gaps(target, source, pairs, pose(free)) ** 2).sum(axis=1)
+        squares = (_differences(target, source, pairs, pose(free)) ** 2).sum(axis=1)
         return float(pairs.weights @ squares)
 
     first = np.zeros(4 if dof == "xyz+yaw" else 3)
@@ -216,18 +218,18 @@ def _best_of(dof, scene, start):
     return pose(minimize(cost, first, method="Nelder-Mead", options=options).x)
 
 
-@_with_each_step
+@_with_each_algorithm
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
-def test_locked_directions_stay_and_the_others_are_at_their_best(step, dof):
-    scene, constraints = _scene(noise=0.2), Constraints(dof=dof)
-    found, note = _fitted(
-        TransformEstimation(algorithm=step),
-        scene,
+def test_locked_directions_stay_and_the_others_are_optimal(algorithm, dof):
+    scans, constraints = _scans(noise=0.2), Constraints(dof=dof)
+    found, note = _estimated(
+        TransformEstimation(algorithm=algorithm),
+        scans,
         constraints,
-        steps=20 if step == "gauss-newton" else 1,
+        steps=20 if algorithm == "gauss-newton" else 1,
     )
     assert note == ""
-    expected = _best_of(dof, scene, _START)
+    expected = _best_of(dof, scans, _START)
     assert found.is_close(expected, translation=1e-6, rotation=1e-7)
     assert found.distance(_START)[0] > 0.1
     tilt = found.rotation @ _START.rotation.T
@@ -235,33 +237,33 @@ def test_locked_directions_stay_and_the_others_are_at_their_best(step, dof):
     assert (dof == "xy+yaw") == (abs(found.translation[2] - _START.translation[2]) < 1e-12)
 
 
-_ON_A_LINE = "pairs on a line hold no rotation: a step of Gauss and Newton instead"
+_ON_A_LINE = "correspondences on a line leave a rotation open: Gauss-Newton step instead"
 
 
 @_with_each_closed_form
-def test_pairs_on_a_line_are_fitted_without_a_turn_about_it(step):
-    # Through the origin at the start: elsewhere, to turn about a line is to move as well.
+def test_correspondences_on_a_line_cause_no_rotation_about_it(algorithm):
+    # Through the origin: a rotation about another line would include a translation.
     start = Pose(_START.rotation, np.zeros(3))
     truth = start.retract(np.array([0.4, -0.3, 0.2, 0.05, -0.03, 0.08]))
     source = np.linspace(-10.0, 10.0, 25)[:, None] * [0.0, 0.6, 0.8]
     rows = np.arange(25), np.arange(25)
-    scene = point_scan(truth.apply(source)), point_scan(source), _pairs(rows)
-    found, note = _fitted(TransformEstimation(algorithm=step), scene, start=start)
+    scans = point_scan(truth.apply(source)), point_scan(source), _pairs(rows)
+    found, note = _estimated(TransformEstimation(algorithm=algorithm), scans, start=start)
     assert note == _ON_A_LINE
     turn = log_rotation(found.rotation @ start.rotation.T)
     assert abs(turn @ start.rotation @ [0.0, 0.6, 0.8]) < 1e-9
     assert np.linalg.norm(turn) > 0.05
-    settled, _ = _fitted(TransformEstimation(algorithm=step), scene, start=start, steps=8)
-    np.testing.assert_allclose(_gaps(*scene, settled), 0.0, atol=1e-9)
+    converged, _ = _estimated(TransformEstimation(algorithm=algorithm), scans, start=start, steps=8)
+    np.testing.assert_allclose(_differences(*scans, converged), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
-def test_pairs_on_an_upright_line_hold_no_yaw(dof):
-    # Upright in the target's frame where the pairs are made.
-    upright = _START.inverse().apply(np.linspace(-2.0, 2.0, 25)[:, None] * [0.0, 0.0, 1.0])
-    target = _START.apply(upright) + np.array([0.3, 0.1, 0.2])
-    scene = point_scan(target), point_scan(upright), _pairs((np.arange(25), np.arange(25)))
-    found, note = _fitted(TransformEstimation(), scene, Constraints(dof=dof))
+def test_correspondences_on_a_vertical_line_leave_yaw_open(dof):
+    # Vertical in the frame of the target at the start.
+    vertical = _START.inverse().apply(np.linspace(-2.0, 2.0, 25)[:, None] * [0.0, 0.0, 1.0])
+    target = _START.apply(vertical) + np.array([0.3, 0.1, 0.2])
+    scans = point_scan(target), point_scan(vertical), _pairs((np.arange(25), np.arange(25)))
+    found, note = _estimated(TransformEstimation(), scans, Constraints(dof=dof))
     assert note == _ON_A_LINE
     assert found.distance(_START)[1] < 1e-9
     moved = found.translation - _START.translation
@@ -269,48 +271,51 @@ def test_pairs_on_an_upright_line_hold_no_yaw(dof):
 
 
 @_with_each_closed_form
-def test_a_prior_is_heeded_by_steps_of_gauss_and_newton(step):
-    scene = _scene()
+def test_a_prior_requires_gauss_newton_steps(algorithm):
+    scans = _scans()
     constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.01, 0.001))
-    found, note = _fitted(TransformEstimation(algorithm=step), scene, constraints, steps=3)
-    assert note == "no closed form heeds a prior: steps of Gauss and Newton instead"
-    newton, silence = _fitted(
-        TransformEstimation(algorithm="gauss-newton"), scene, constraints, steps=3
+    found, note = _estimated(TransformEstimation(algorithm=algorithm), scans, constraints, steps=3)
+    assert note == "closed forms cannot include a prior: Gauss-Newton steps instead"
+    newton, no_note = _estimated(
+        TransformEstimation(algorithm="gauss-newton"), scans, constraints, steps=3
     )
-    assert silence == ""
+    assert no_note == ""
     assert found == newton
-    free, _ = _fitted(TransformEstimation(algorithm=step), scene)
+    free, _ = _estimated(TransformEstimation(algorithm=algorithm), scans)
     assert free.distance(found)[0] > 0.1
 
 
-def test_a_prior_weighs_against_the_deviation_of_a_pair():
-    scene = _scene()
+def test_a_prior_is_weighted_against_the_sampling_deviation():
+    scans = _scans()
     constraints = Constraints(prior=PosePrior.from_deviations(_START, 0.1, 0.01))
-    sure, unsure = (
-        _fitted(
+    precise, imprecise = (
+        _estimated(
             TransformEstimation(algorithm="gauss-newton", sampling_deviation=one),
-            scene,
+            scans,
             constraints,
             steps=10,
         )[0]
         for one in (1e-4, 1e3)
     )
-    free, _ = _fitted(TransformEstimation(), scene)
-    assert sure.is_close(free, translation=1e-3, rotation=1e-4)
-    assert unsure.is_close(_START, translation=1e-3, rotation=1e-4)
+    free, _ = _estimated(TransformEstimation(), scans)
+    assert precise.is_close(free, translation=1e-3, rotation=1e-4)
+    assert imprecise.is_close(_START, translation=1e-3, rotation=1e-4)
 
 
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"step": "horn"}, "step must be 'svd', 'quaternion' or 'gauss-newton', got 'horn'"),
-        ({"residual": "plane"}, "residual must be 'point-to-point' or .*, got 'plane'"),
-        ({"residual": "point-to-plane"}, "step must be 'gauss-newton' .* no closed form, got 'svd"),
-        ({"residual": "point-to-plane", "step": "quaternion"}, "closed form, got 'quaternion'"),
-        ({"deviation": 0.0}, "deviation must be positive, got 0.0 m"),
-        ({"lever": math.inf}, "lever must be positive, got inf m"),
+        (
+            {"algorithm": "horn"},
+            "algorithm must be one of svd, quaternion, gauss-newton, got 'horn'",
+        ),
+        ({"residual": "plane"}, "residual must be one of point-to-point, .*, got 'plane'"),
+        ({"residual": "point-to-plane"}, "algorithm must be 'gauss-newton' .* form, got 'svd"),
+        ({"residual": "point-to-plane", "algorithm": "quaternion"}, "form, got 'quaternion'"),
+        ({"sampling_deviation": 0.0}, "sampling_deviation must be positive, got 0.0 m"),
+        ({"rotation_scale": math.inf}, "rotation_scale must be positive, got inf m"),
     ],
 )
-def test_settings_out_of_range_are_refused(settings, message):
+def test_invalid_settings_raise(settings, message):
     with pytest.raises(InvalidInput, match=message):
         TransformEstimation(**settings)

@@ -11,7 +11,9 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine, Scale
+from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.rejection import TrimmedRejection
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.file import (
@@ -22,7 +24,7 @@ from scanlock.registration.settings.file import (
 )
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 from scanlock.segmentation.clusters import ClusterFinder, L2Distance
-from scanlock.segmentation.ground.finder import GroundFinder
+from scanlock.segmentation.ground.finder import PublishedGroundFinder
 from scanlock.segmentation.segmentation import Segmenter
 
 
@@ -50,10 +52,11 @@ def test_every_method_round_trips_through_toml(name):
             ),
         ),
         _with_segmenter(clusters=ClusterFinder(merge=L2Distance())),
-        _with_segmenter(ground=GroundFinder.das2013()),
-        Gicp(max_correspondence_distances=(3,)),
+        _with_segmenter(ground=PublishedGroundFinder()),
+        Gicp(search=NearestNeighbourSearch(max_correspondence_distances=(3,))),
+        Gicp(search=VoxelSearch(), rejection=TrimmedRejection()),
     ],
-    ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp"],
+    ids=["bfgs", "more-thuente", "lm", "merge", "ground", "gicp", "vgicp"],
 )
 def test_settings_other_than_the_defaults_round_trip_through_a_file(settings, tmp_path):
     write_settings(tmp_path / "settings.toml", settings)
@@ -84,24 +87,31 @@ def test_a_changed_table_keeps_the_other_defaults_of_the_method():
 
 def test_a_list_of_tables_replaces_the_whole_default():
     found = settings_from_toml(
-        'type = "SgcNdt"\n[[schedule.scales]]\nsmoothing = 2\nmax_radius = 3\nis_entry = true\n'
+        'type = "SgcNdt"\n[[schedule.scales]]\nsmoothing = 2\nmax_radius = 3\nstarts_here = true\n'
     )
-    assert found.schedule.scales == (Scale(smoothing=2.0, max_radius=3.0, is_entry=True),)
+    assert found.schedule.scales == (Scale(smoothing=2.0, max_radius=3.0, starts_here=True),)
 
 
 def test_none_is_commented_out_where_it_is_the_default():
-    text = settings_to_toml(_with_segmenter(ground=GroundFinder(seed_count=None)))
-    assert '\n# seed_count = "none"\n' in text
-    given = settings_from_toml(text.replace('# seed_count = "none"', "seed_count = 3"))
-    assert given.extractor.segmenter.ground.seed_count == 3
-    none = settings_from_toml(text.replace("# seed_count", "seed_count"))
-    assert none.extractor.segmenter.ground.seed_count is None
+    text = settings_to_toml(_with_segmenter(ground=PublishedGroundFinder(max_seeds=None)))
+    assert '\nmax_seeds = "none"\n' in text
+    given = settings_from_toml(text.replace('max_seeds = "none"', "max_seeds = 3"))
+    assert given.extractor.segmenter.ground.max_seeds == 3
+    none = settings_from_toml(text)
+    assert none.extractor.segmenter.ground.max_seeds is None
+
+
+def test_none_is_a_comment_where_the_default_is_none():
+    text = settings_to_toml(METHODS["icp"])
+    assert '\n# annealing = "none"\n' in text
+    none = settings_from_toml(text.replace("# annealing", "annealing"))
+    assert none.annealing is None
 
 
 def test_infinite_values_are_kept():
     text = settings_to_toml(METHODS["sgc-ndt-d2d"])
-    assert "\nseed_range = inf\n" in text
-    assert math.isinf(settings_from_toml(text).extractor.segmenter.ground.seed_range)
+    assert "\nmax_seed_range = inf\n" in text
+    assert math.isinf(settings_from_toml(text).extractor.segmenter.ground.max_seed_range)
 
 
 def test_each_setting_is_documented_once_with_its_choices():
@@ -156,12 +166,13 @@ def _toml(line, table="", head='type = "SgcNdt"'):
          r"schedule\.scales\[0\]: Scale needs max_radius, a number"),
         (_toml('smoothing = "1"\nmax_radius = 1', "[[schedule.scales]]"),
          r"schedule\.scales\[0\]\.smoothing must be a number, got '1'"),
-        (_toml("is_entry = 1", "[[schedule.scales]]\nsmoothing = 1\nmax_radius = 1"),
-         r"schedule\.scales\[0\]\.is_entry must be true or false, got 1"),
-        (_toml('seed_count = "all"', "[extractor.segmenter.ground]"),
-         "ground.seed_count must be a whole number or \"none\", got 'all'"),
-        (_toml('max_correspondence_distances = ["wide"]', head='type = "Gicp"'),
-         r"max_correspondence_distances\[0\] must be a number"),
+        (_toml("starts_here = 1", "[[schedule.scales]]\nsmoothing = 1\nmax_radius = 1"),
+         r"schedule\.scales\[0\]\.starts_here must be true or false, got 1"),
+        (_toml('type = "PublishedGroundFinder"\nmax_seeds = "all"',
+               "[extractor.segmenter.ground]"),
+         "ground.max_seeds must be a whole number or \"none\", got 'all'"),
+        (_toml('max_correspondence_distances = ["wide"]', "[search]", head='type = "Gicp"'),
+         r"search\.max_correspondence_distances\[0\] must be a number"),
     ],
 )  # fmt: skip
 def test_an_invalid_key_or_value_is_refused_with_the_allowed_ones(text, message):
