@@ -25,7 +25,7 @@ def _weighted_pairs(draw):
 
 def _margin(moments):
     """Relative margin between the best and the second-best rotation, at most 1."""
-    u, sizes, vt = np.linalg.svd(moments.spread)
+    u, sizes, vt = np.linalg.svd(moments.cross_covariance)
     sign = np.sign(np.linalg.det(u @ vt))
     return (sizes[1] + sign * sizes[2]) / sizes[0] if sizes[0] > 0.0 else 0.0
 
@@ -63,7 +63,8 @@ def test_the_yaw_fit_is_equivariant_to_rotations_about_z(pairs, angle):
     target, source, weights = pairs
     moments = PairMoments.of(*pairs)
     parts = np.hypot(
-        moments.spread[0, 0] + moments.spread[1, 1], moments.spread[0, 1] - moments.spread[1, 0]
+        moments.cross_covariance[0, 0] + moments.cross_covariance[1, 1],
+        moments.cross_covariance[0, 1] - moments.cross_covariance[1, 0],
     )
     if parts > 1e-3:
         turn = Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, angle]))

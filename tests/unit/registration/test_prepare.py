@@ -69,7 +69,9 @@ def test_verification_features_are_clusters_or_else_voxels():
     bare = np.column_stack([rng.uniform(-30, 30, (20000, 2)), rng.normal(-1.7, 0.02, 20000)])
     cubes = extract_features(prepare(bare).cloud)
     assert len(cubes.gaussians) > 1000
-    assert cubes.notes[-1] == f"judged by {len(cubes.gaussians)} cubes of the scan"
+    assert (
+        cubes.notes[-1] == f"too few clusters: verified with {len(cubes.gaussians)} voxel Gaussians"
+    )
 
 
 def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):

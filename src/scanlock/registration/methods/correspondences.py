@@ -253,8 +253,8 @@ class ContainingVoxels:
     def nearest(self, queries: Points, max_distance: float = math.inf) -> tuple[Labels, Vector]:
         """Return the row of the voxel of each of (m, 3) points, and the distance to its mean [m].
 
-        The row is -1 and the distance infinite where the voxel is empty or its mean `max_distance` or
-        away.
+        The row is -1 and the distance infinite where the voxel is empty or its mean is not nearer
+        than `max_distance`.
         """
         rows = self.voxels.rows_of(queries)
         # Several times as fast as indexing and a norm along the rows.
