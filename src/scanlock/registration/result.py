@@ -167,7 +167,7 @@ class RegistrationResult:
                     "ratio": one.ratio,
                     "deviation": one.deviation,
                     "cluster_ratio": one.cluster_ratio,
-                    "is_weak": one.is_degenerate,
+                    "is_degenerate": one.is_degenerate,
                 }
                 for one in self.directions
             ],

@@ -30,7 +30,7 @@ def test_a_missing_folder_has_no_neighbours_to_name(tmp_path):
 
 def test_a_forbidden_file_says_so():
     error = PermissionError(errno.EACCES, "Permission denied", "/secret")
-    assert one_line(error) == "/secret: permission denied; check who may read or write there"
+    assert one_line(error) == "/secret: permission denied; check its permissions"
 
 
 @pytest.mark.parametrize(

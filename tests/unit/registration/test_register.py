@@ -26,7 +26,7 @@ def test_the_default_method_has_a_name(scan):
     ("initial", "message"),
     [
         (np.zeros((2, 2)), "initial must have shape"),
-        (2.0 * np.eye(4), "pose"),
+        (2.0 * np.eye(4), "the last row of initial must be 0 0 0 1"),
         (np.diag([1.0, 1.0, -1.0, 1.0]), "must be a rotation"),
         (np.full((4, 4), np.nan), "must be finite"),
         ("identity", "must hold real numbers"),

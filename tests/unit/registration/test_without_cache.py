@@ -14,7 +14,7 @@ import importlib, pkgutil, sys
 import scanlock.kernels
 from reference.samples import street
 result = scanlock.register(source=street(2, 3000), target=street(1, 3000))
-modules = pkgutil.iter_modules(scanlock.kernels.__path__, "scanlock.kernels.")
+modules = pkgutil.walk_packages(scanlock.kernels.__path__, "scanlock.kernels.")
 kernels = [
     value
     for module in modules
@@ -33,6 +33,8 @@ def test_a_read_only_installation_and_home_work(tmp_path):
     shutil.copytree(
         Path(scanlock.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
     )
+    for folder in [one for one in (package / "kernels").rglob("*") if one.is_dir()]:
+        (folder / "__pycache__").touch()
     (package / "kernels" / "__pycache__").touch()
     (tmp_path / "home").touch()
     files = sorted(package.rglob("*"))

@@ -16,7 +16,15 @@ MOTION = yaw_pose(0.2, (2.0, 1.0, 0.0))
 def _result(pose=MOTION, status=Status.OK, overlap=0.8):
     metrics = Metrics(overlap=overlap, score=0.7)
     timings = {"total": 0.1}
-    return RegistrationResult(pose, status, "a reason", "a-method", metrics, 0.9, (), (), timings)
+    return RegistrationResult(
+        target_from_source=pose,
+        status=status,
+        reason="a reason",
+        method="a-method",
+        metrics=metrics,
+        probability=0.9,
+        timings=timings,
+    )
 
 
 @pytest.fixture(scope="module")

@@ -42,7 +42,7 @@ def test_each_scale_has_its_own_gaussians(clusters):
     assert counts == sorted(counts)
     for radius, some in zip(_RADII, clusters.gaussians, strict=True):
         # No point is farther from the mean than the radius, so no deviation is larger either.
-        assert np.sqrt(some.widths.max()) <= radius
+        assert np.sqrt(some.max_variances.max()) <= radius
         assert np.sqrt(some.variances.min()) >= 0.1 * (1 - 1e-9)
         assert some.counts.min() >= 6
 

@@ -13,7 +13,11 @@ from scanlock.registration.methods.auto import Auto
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
 from scanlock.registration.register import register
-from scanlock.registration.verification.candidate import HALVING_VIOLATION, Candidate, plausibility
+from scanlock.registration.verification.candidate import (
+    MAX_FREE_SPACE_VIOLATION,
+    Candidate,
+    plausibility,
+)
 from scanlock.registration.verification.status import Status
 from scanlock.simulation import scan_pair
 
@@ -167,7 +171,7 @@ def test_preparation_is_logged(scans):
 def test_agreement_decreases_with_the_free_space_violation():
     candidate = Candidate(Pose.identity(), "prior", 0.8, 0.7, 0.5, 0.0)
     assert candidate.agreement == pytest.approx(0.4)
-    assert replace(candidate, violation=HALVING_VIOLATION).agreement == pytest.approx(0.2)
+    assert replace(candidate, violation=MAX_FREE_SPACE_VIOLATION).agreement == pytest.approx(0.2)
     assert replace(candidate, violation=math.nan).agreement == pytest.approx(0.4)
     factors = [plausibility(violation) for violation in (0.0, 0.1, 0.5, 1.0)]
     assert factors == sorted(factors, reverse=True)
