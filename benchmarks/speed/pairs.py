@@ -187,7 +187,8 @@ def tasks_of(section: str, pairs: Sequence[RealPair]) -> Iterator[Task]:
         turn = headings(pair.group, index, 1)[0] if section == NO_START else Pose.identity()
         yield Task(
             source=turn.apply(pair.load_source()),
-            target=pair.load_target(),
+            # KISS-ICP refuses read-only arrays.
+            target=np.array(pair.load_target()),
             start=starts.get(section),
             truth=pair.truth @ turn.inverse(),
             tolerance=tolerance_of(pair.group),
