@@ -144,7 +144,7 @@ def slope(sizes: Sequence[float], values: Sequence[float]) -> float:
 def stage_seconds(one: Measured) -> dict[str, float]:
     """Return the CPU time of preparation, alignment, verification and single stages [s]."""
     stages = dict(one["stages"])
-    total, align, verify = (stages.pop(name, 0.0) for name in ("total", "align", "verdict"))
+    total, align, verify = (stages.pop(name, 0.0) for name in ("total", "align", "verification"))
     return {"prepare": total - align - verify, "align": align, "verify": verify, **stages}
 
 

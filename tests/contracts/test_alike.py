@@ -71,7 +71,7 @@ def test_a_pose_called_right_is_right(method, name):
 
 
 @pytest.mark.parametrize("name", _OPEN)
-def test_what_cannot_be_told_is_degenerate_and_named(name):
+def test_unconstrained_directions_are_degenerate_and_named(name):
     target, source, truth = _scans(name)
     found = register(source=source, target=target, method="gicp", initial=truth)
     assert found.status is Status.DEGENERATE
@@ -84,7 +84,7 @@ def test_what_cannot_be_told_is_degenerate_and_named(name):
     assert all(one.name in found.reason for one in found.degenerate_directions)
 
 
-def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
+def test_fix_degenerate_keeps_the_initial_pose_along_degenerate_directions():
     target, source, truth = _scans("corridor")
     along = yaw_pose(-_YAW, (0.0, 0.0, 0.0)).rotation @ np.array([1.0, 0.0, 0.0])
     believed = yaw_pose(0.0, tuple(2.0 * along)) @ truth
@@ -98,4 +98,4 @@ def test_a_weak_direction_is_held_at_the_prior_when_asked_for():
     across = held.target_from_source.translation - free.target_from_source.translation
     assert np.linalg.norm(across - weak.axis * (weak.axis @ across)) < 0.02
     assert held.status is Status.DEGENERATE
-    assert any("held at the initial pose" in note for note in held.notes)
+    assert any("fixed at the initial pose" in note for note in held.notes)

@@ -53,8 +53,6 @@ def test_motions_are_told_of_the_sensor_or_in_a_map_of_the_centroid(source, is_o
     way = frames.shift(pose, frames.reference_point)
     expected = pose.apply(frames.reference_point) - frames.reference_point
     np.testing.assert_allclose(way, expected, atol=1e-6)
-        way, pose.apply(frames.reference_point) - frames.reference_point, atol=1e-6
-    )
 
 
 def test_frames_survive_a_pickle_and_stay_read_only():
