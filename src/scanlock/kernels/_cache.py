@@ -1,8 +1,9 @@
-"""The cache of machine code on disk, keyed by a digest of the source of a kernel.
+"""Cache of machine code on disk, keyed by a digest of the source of a kernel.
 
-Numba stamps a cached kernel by its own file. Kernels also call helpers of `_inline`, which are
-compiled into them, so the digest covers the files of this folder that begin with an underscore.
-Below ``NUMBA_CACHE_DIR`` it names the folder: checkouts with the same kernels share one cache.
+Numba stamps a cached kernel by the modification time of its own file. Kernels also call helpers
+of `_inline`, which are compiled into them, so the digest covers the files of this folder that
+begin with an underscore. Below ``NUMBA_CACHE_DIR`` it names the folder: checkouts with the same
+kernels share one cache.
 """
 
 import functools
@@ -16,6 +17,8 @@ import numba
 from numba.core import caching
 
 _Function = Callable[..., Any]
+_OnCompile = Callable[[str | None], None]
+"""Called with the cache folder of a kernel, or None, before the kernel is compiled."""
 
 # Numba's types of these classes are wrong: methods that return a path are typed as None.
 _numba: Any = numba
@@ -31,8 +34,20 @@ def digest_of(path: str) -> str:
     return digest.hexdigest()[:16]
 
 
+def kernel_cache(function: _Function, on_compile: _OnCompile) -> Any:
+    """Return the cache of a kernel, which calls `on_compile` where it lacks the machine code.
+
+    Where no folder is writable (read-only installation and home), the kernel is compiled in each
+    process.
+    """
+    try:
+        return _KernelCache(function, on_compile)
+    except RuntimeError:
+        return _NoCache(on_compile)
+
+
 class _SharedFolder(_caching._CacheLocator):
-    """Locates a kernel in ``NUMBA_CACHE_DIR`` by its digest, wherever its source file lies."""
+    """Locator of a kernel in ``NUMBA_CACHE_DIR`` by its digest, wherever its source file lies."""
 
     def __init__(self, function: _Function, path: str) -> None:
         self._line = function.__code__.co_firstlineno
@@ -66,21 +81,32 @@ class _Impl(_caching.CompileResultCacheImpl):
     _locator_classes = (_SharedFolder, *_caching.CompileResultCacheImpl._locator_classes)
 
 
-class KernelCache(_caching.FunctionCache):
-    """The cache of one kernel.
-
-    Raises
-    ------
-    RuntimeError
-        No folder is writable.
-    """
+class _KernelCache(_caching.FunctionCache):
+    """Cache of one kernel on disk."""
 
     _impl_class = _Impl
 
-    def __init__(self, function: _Function) -> None:
+    def __init__(self, function: _Function, on_compile: _OnCompile) -> None:
         super().__init__(function)
+        self._on_compile = on_compile
         self._cache_file = _caching.IndexDataCacheFile(
             cache_path=self.cache_path,
             filename_base=self._impl.filename_base,
             source_stamp=digest_of(inspect.getfile(function)),
         )
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = super().load_overload(sig, target_context)
+        if found is None:
+            self._on_compile(self.cache_path)
+        return found
+
+
+class _NoCache(_caching.NullCache):
+    """Cache of one kernel where no folder is writable: it holds nothing."""
+
+    def __init__(self, on_compile: _OnCompile) -> None:
+        self._on_compile = on_compile
+
+    def load_overload(self, sig: Any, target_context: Any) -> None:
+        self._on_compile(None)

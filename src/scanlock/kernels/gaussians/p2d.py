@@ -7,13 +7,14 @@ source in the target's frame, ``q = y - mu``, ``B`` the inverse of the Gaussian'
     gradient  2 (b, y x b)
     Hessian   2 L' B L + blkdiag(0, b y' + y b' - 2 (b.y) I)    with  L = [I, -hat(y)]
 
-which is Magnusson 2009, section 6.2.1, in a left perturbation. Of the pair only b and B enter, so
-a point sums these over its Gaussians, and meets its lever arm y once. The 28 sums are the value,
-the gradient (6) and the upper triangle of the Hessian, row by row (21); with `exact` 0 instead of
-1 the Hessian is its convex part, that of Gauss and Newton.
+These are the derivatives of Magnusson 2009, section 6.2.1, for a left perturbation. The pair enters
+only by b and B, so they are summed over the Gaussians of a point first, and the lever arm y enters
+once per point. The 28 terms are the value, the gradient (6) and the upper triangle of the Hessian,
+row by row (21). With `exact` 0 instead of 1 the Hessian is its convex part, the Gauss-Newton
+approximation.
 
-Vector units take eight points at once, so points come in blocks of neighbours: a Gaussian meets
-all points of a block or is left out for all of them.
+Vector units process eight points at once, so points come in blocks of neighbours: a Gaussian is
+evaluated for all points of a block or for none.
 """
 
 import math
@@ -21,88 +22,70 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel, sum_part
+from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._inline import (
+    NO_TERMS,
+    add_to,
+    added,
+    product,
+    quadratic_form,
+    windowed_score,
+)
 
 _BLOCK = 32
-"""Few, so that a block is hardly wider than what reaches it; many, to fill the vector units."""
+"""Points in a block: few, so that blocks are small in space, yet enough to fill vector units."""
 
-_TOGETHER = 8
-"""Blocks that share a first look at which Gaussians can reach them."""
+_GROUP = 8
+"""Blocks that share a first selection of Gaussians."""
 
 _ROW = _BLOCK + 8
-"""Length of a row. Were it a power of two, all rows would compete for few places in the cache."""
-
-
-@sum_part
-def _decay(x: float) -> float:
-    """Return ``exp(-x)`` for x from 0 to 30 to 1e-13, in arithmetic that loops can vectorise.
-
-    The Taylor series of ``exp(-x / 64)``, squared six times; math.exp is a call.
-    """
-    y = -0.015625 * min(x, 30.0)
-    e = 1.0 + y * (1.0 / 7.0) * (1.0 + y * 0.125 * (1.0 + y * (1.0 / 9.0)))
-    e = 1.0 + y * 0.25 * (1.0 + y * 0.2 * (1.0 + y * (1.0 / 6.0) * e))
-    e = 1.0 + y * (1.0 + y * 0.5 * (1.0 + y * (1.0 / 3.0) * e))
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    return e * e
+"""Length of a row. If it were a power of two, all rows would share few lines of the cache."""
 
 
 @sum_kernel
-def _meet(
-    places: Matrix,
+def _add_gaussians(
+    positions: Matrix,
     sums: Matrix,
     count: int,
     gaussians: Matrix,
     rows: Labels,
-    few: int,
+    row_count: int,
     sharpness: float,
     window_start: float,
     window_end: float,
     exact: float,
 ) -> None:
-    """Add the first rows of Gaussians, as far as points of a block lie within their windows.
+    """Add the scores of a block of points under the first `row_count` of some Gaussians.
 
-    The sums (10, n) of each point are its score, its slope by b (3) and by B with the curve (6).
+    The sums (10, n) of each point are its score, its slope times b (3), and its slope times B plus
+    its curve times ``b b'`` (6). Gaussians with no point of the block in their window are skipped.
     """
-    # In one function with the loop over Gaussians, or the checks that arrays do not overlap,
-    # which come before a loop in vector units, would be made for each Gaussian anew.
-    span = 1.0 / (window_end - window_start)
-    for m in range(few):
+    # One function with the loop over Gaussians inside: otherwise the checks that arrays do not
+    # overlap, which precede a loop in vector units, would be repeated for each Gaussian.
+    per_span = 1.0 / (window_end - window_start)
+    limits = window_start, per_span, per_span * per_span
+    for m in range(row_count):
         j = rows[m]
         mu0, mu1, mu2 = gaussians[j, 0], gaussians[j, 1], gaussians[j, 2]
         k00, k01, k02 = gaussians[j, 3], gaussians[j, 4], gaussians[j, 5]
         k11, k12, k22 = gaussians[j, 6], gaussians[j, 7], gaussians[j, 8]
+        k = k00, k01, k02, k11, k12, k22
         within = 0.0
         for p in range(count):
-            q0, q1, q2 = places[0, p] - mu0, places[1, p] - mu1, places[2, p] - mu2
-            squared = q0 * (k00 * q0 + 2.0 * (k01 * q1 + k02 * q2))
-            squared += q1 * (k11 * q1 + 2.0 * k12 * q2) + k22 * q2 * q2
+            q0, q1, q2 = positions[0, p] - mu0, positions[1, p] - mu1, positions[2, p] - mu2
+            squared = quadratic_form(k, (q0, q1, q2))
             within += 1.0 if squared < window_end else 0.0
         if within == 0.0:
             continue
         for p in range(count):
-            q0, q1, q2 = places[0, p] - mu0, places[1, p] - mu1, places[2, p] - mu2
-            b0 = k00 * q0 + k01 * q1 + k02 * q2
-            b1 = k01 * q0 + k11 * q1 + k12 * q2
-            b2 = k02 * q0 + k12 * q1 + k22 * q2
+            q0, q1, q2 = positions[0, p] - mu0, positions[1, p] - mu1, positions[2, p] - mu2
+            b0, b1, b2 = product(k, (q0, q1, q2))
             squared = b0 * q0 + b1 * q1 + b2 * q2
-            score = -_decay(0.5 * sharpness * squared)
-            slope = -0.5 * sharpness * score
-            curve = -0.5 * sharpness * slope
-            # Before the window falls v is 0, the window 1; from its end on v is 1, the window 0.
-            # Its derivatives are 0 at both.
-            v = min(1.0, max(0.0, (squared - window_start) * span))
-            window = 1.0 - v * v * v * (10.0 - 15.0 * v + 6.0 * v * v)
-            first = -30.0 * v * v * (1.0 - v) * (1.0 - v) * span
-            second = -60.0 * v * (1.0 - v) * (1.0 - 2.0 * v) * span * span
-            curve = 4.0 * exact * (curve * window + 2.0 * slope * first + score * second)
-            slope = 2.0 * (slope * window + score * first)
+            score, slope, curve = windowed_score(1.0, squared, sharpness, limits)
+            slope *= 2.0
+            curve *= 4.0 * exact
             v0, v1, v2 = curve * b0, curve * b1, curve * b2
-            sums[0, p] += score * window
+            sums[0, p] += score
             sums[1, p] += slope * b0
             sums[2, p] += slope * b1
             sums[3, p] += slope * b2
@@ -115,61 +98,43 @@ def _meet(
 
 
 @sum_kernel
-def _add_block(places: Matrix, sums: Matrix, count: int, exact: float, terms: Vector) -> None:
-    """Add the sums of a block's points, each with its lever arm, to the 28 sums."""
-    t0 = t1 = t2 = t3 = t4 = t5 = t6 = 0.0
-    t7 = t8 = t9 = t10 = t11 = t12 = t13 = 0.0
-    t14 = t15 = t16 = t17 = t18 = t19 = t20 = 0.0
-    t21 = t22 = t23 = t24 = t25 = t26 = t27 = 0.0
+def _add_block(positions: Matrix, sums: Matrix, count: int, exact: float, terms: Vector) -> None:
+    """Add the 28 terms of the points of a block, given their sums f, g and H (10, n).
+
+    As `add_point_terms`, in a form that the loop can vectorise.
+    """
+    total = NO_TERMS
     for p in range(count):
-        y0, y1, y2 = places[0, p], places[1, p], places[2, p]
+        y0, y1, y2 = positions[0, p], positions[1, p], positions[2, p]
         g0, g1, g2 = sums[1, p], sums[2, p], sums[3, p]
-        k00, k01, k02 = sums[4, p], sums[5, p], sums[6, p]
-        k11, k12, k22 = sums[7, p], sums[8, p], sums[9, p]
-        t0 += sums[0, p]
-        t1 += g0
-        t2 += g1
-        t3 += g2
-        t4 += y1 * g2 - y2 * g1
-        t5 += y2 * g0 - y0 * g2
-        t6 += y0 * g1 - y1 * g0
-        # N = K hat(y); L' K L has the blocks K, -N and hat(y)' N.
-        n00, n01, n02 = k01 * y2 - k02 * y1, k02 * y0 - k00 * y2, k00 * y1 - k01 * y0
-        n10, n11, n12 = k11 * y2 - k12 * y1, k12 * y0 - k01 * y2, k01 * y1 - k11 * y0
-        n20, n21, n22 = k12 * y2 - k22 * y1, k22 * y0 - k02 * y2, k02 * y1 - k12 * y0
-        t7 += k00
-        t8 += k01
-        t9 += k02
-        t10 -= n00
-        t11 -= n01
-        t12 -= n02
-        t13 += k11
-        t14 += k12
-        t15 -= n10
-        t16 -= n11
-        t17 -= n12
-        t18 += k22
-        t19 -= n20
-        t20 -= n21
-        t21 -= n22
-        h0, h1, h2 = 0.5 * exact * g0, 0.5 * exact * g1, 0.5 * exact * g2
-        t22 += y2 * n10 - y1 * n20 - 2.0 * (h1 * y1 + h2 * y2)
-        t23 += y2 * n11 - y1 * n21 + h0 * y1 + h1 * y0
-        t24 += y2 * n12 - y1 * n22 + h0 * y2 + h2 * y0
-        t25 += y0 * n21 - y2 * n01 - 2.0 * (h0 * y0 + h2 * y2)
-        t26 += y0 * n22 - y2 * n02 + h1 * y2 + h2 * y1
-        t27 += y1 * n02 - y0 * n12 - 2.0 * (h0 * y0 + h1 * y1)
-    terms += np.array(
-        [
-            t0, t1, t2, t3, t4, t5, t6, t7, t8, t9, t10, t11, t12, t13,
-            t14, t15, t16, t17, t18, t19, t20, t21, t22, t23, t24, t25, t26, t27,
-        ]
-    )  # fmt: skip
+        h00, h01, h02 = sums[4, p], sums[5, p], sums[6, p]
+        h11, h12, h22 = sums[7, p], sums[8, p], sums[9, p]
+        # N = H hat(y); J' H J has the blocks H, -N and hat(y)' N.
+        n00, n01, n02 = h01 * y2 - h02 * y1, h02 * y0 - h00 * y2, h00 * y1 - h01 * y0
+        n10, n11, n12 = h11 * y2 - h12 * y1, h12 * y0 - h01 * y2, h01 * y1 - h11 * y0
+        n20, n21, n22 = h12 * y2 - h22 * y1, h22 * y0 - h02 * y2, h02 * y1 - h12 * y0
+        half0, half1, half2 = 0.5 * exact * g0, 0.5 * exact * g1, 0.5 * exact * g2
+        total = added(
+            total,
+            (
+                sums[0, p], g0, g1, g2, y1 * g2 - y2 * g1, y2 * g0 - y0 * g2, y0 * g1 - y1 * g0,
+                h00, h01, h02, -n00, -n01, -n02,
+                h11, h12, -n10, -n11, -n12,
+                h22, -n20, -n21, -n22,
+                y2 * n10 - y1 * n20 - 2.0 * (half1 * y1 + half2 * y2),
+                y2 * n11 - y1 * n21 + half0 * y1 + half1 * y0,
+                y2 * n12 - y1 * n22 + half0 * y2 + half2 * y0,
+                y0 * n21 - y2 * n01 - 2.0 * (half0 * y0 + half2 * y2),
+                y0 * n22 - y2 * n02 + half1 * y2 + half2 * y1,
+                y1 * n02 - y0 * n12 - 2.0 * (half0 * y0 + half1 * y1),
+            ),
+        )  # fmt: skip
+    add_to(terms, total)
 
 
 @kernel
-def point_balls(points: Points) -> Matrix:
-    """Return a ball around each block of points: rows (4) of centre and radius."""
+def bounding_balls(points: Points) -> Matrix:
+    """Return (g, 4) centres and radii [m] of balls around the blocks of (n, 3) points."""
     count = points.shape[0]
     balls = np.zeros(((count + _BLOCK - 1) // _BLOCK, 4), np.float64)
     for g in range(balls.shape[0]):
@@ -187,19 +152,20 @@ def point_balls(points: Points) -> Matrix:
 
 
 @kernel
-def _move(
-    points: Points, first: int, last: int, rotation: Matrix, translation: Vector, places: Matrix
+def _transform_block(
+    points: Points, first: int, last: int, rotation: Matrix, translation: Vector, positions: Matrix
 ) -> None:
-    """Write points, in the target's frame, to the columns of `places`."""
+    """Write the points of a block, in the target's frame, to the columns of `positions`."""
     for a in range(3):
         ra0, ra1, ra2, ta = rotation[a, 0], rotation[a, 1], rotation[a, 2], translation[a]
         for p in range(first, last):
-            places[a, p - first] = ra0 * points[p, 0] + ra1 * points[p, 1] + ra2 * points[p, 2] + ta
+            x, y, z = points[p, 0], points[p, 1], points[p, 2]
+            positions[a, p - first] = ra0 * x + ra1 * y + ra2 * z + ta
 
 
 @kernel
-def _around(balls: Matrix, first: int, last: int) -> tuple[float, float, float, float]:
-    """Return a ball around balls: its centre and radius."""
+def _ball_around(balls: Matrix, first: int, last: int) -> tuple[float, float, float, float]:
+    """Return the centre and radius of a ball around balls."""
     x = y = z = radius = 0.0
     for g in range(first, last):
         x += balls[g, 0] / (last - first)
@@ -212,26 +178,26 @@ def _around(balls: Matrix, first: int, last: int) -> tuple[float, float, float, 
 
 
 @kernel
-def _reaching(
+def _select(
     gaussians: Matrix,
-    among: Labels,
-    count: int,
+    rows: Labels,
+    row_count: int,
     x: float,
     y: float,
     z: float,
     radius: float,
-    found: Labels,
+    selected: Labels,
 ) -> int:
-    """List which of some Gaussians reach into a ball; return how many."""
-    filled = 0
-    for m in range(count):
-        j = among[m]
+    """Write the Gaussians, of the first `row_count` rows, that can score in a ball; count them."""
+    count = 0
+    for m in range(row_count):
+        j = rows[m]
         d0, d1, d2 = gaussians[j, 0] - x, gaussians[j, 1] - y, gaussians[j, 2] - z
-        reach = gaussians[j, 9] + radius
-        # Written every time and kept only where it reaches: no branch to guess.
-        found[filled] = j
-        filled += d0 * d0 + d1 * d1 + d2 * d2 < reach * reach
-    return filled
+        max_distance = gaussians[j, 9] + radius
+        # Always written, kept only where it can score: no branch to predict.
+        selected[count] = j
+        count += d0 * d0 + d1 * d1 + d2 * d2 < max_distance * max_distance
+    return count
 
 
 @kernel
@@ -248,12 +214,25 @@ def p2d_terms(
 ) -> Vector:
     """Return the 28 sums over all points and all Gaussians, unweighted.
 
-    Points may come in any order; the closer together neighbours in it lie, the faster. Their
-    `balls` (g, 4) are those of `point_balls`. A row of `gaussians` (k, 10) holds the mean, the
-    packed inverse of the covariance, and the distance from which nothing can score.
+    Points may come in any order; it is fastest where neighbours in the order are close in space.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+        Of the source.
+    balls : (g, 4) [m]
+        Those of `bounding_balls`.
+    gaussians : (k, 10)
+        Mean [m], packed inverse covariance [m^-2], and the distance [m] beyond which the Gaussian
+        scores nothing.
+    rotation, translation : (3, 3), (3,) [m]
+        Pose of the source in the target's frame.
+    sharpness, window_start, window_end : float
+    exact : float
+        1 for the exact Hessian, 0 for its convex part.
     """
     terms = np.zeros(28, np.float64)
-    places, sums = np.zeros((3, _ROW), np.float64), np.zeros((10, _ROW), np.float64)
+    positions, sums = np.zeros((3, _ROW), np.float64), np.zeros((10, _ROW), np.float64)
     moved = np.empty((balls.shape[0], 4), np.float64)
     for g in range(balls.shape[0]):
         x, y, z = balls[g, 0], balls[g, 1], balls[g, 2]
@@ -262,24 +241,24 @@ def p2d_terms(
             moved[g, a] += translation[a]
         moved[g, 3] = balls[g, 3]
     count = gaussians.shape[0]
-    # One place more, for the last that does not reach.
-    near, nearer = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)
-    every = np.arange(count)
-    for begin in range(0, balls.shape[0], _TOGETHER):
-        end = min(begin + _TOGETHER, balls.shape[0])
-        x, y, z, radius = _around(moved, begin, end)
-        some = _reaching(gaussians, every, count, x, y, z, radius, near)
+    # One more entry, for a last Gaussian that is written but not kept.
+    of_group, of_block = np.empty(count + 1, np.int64), np.empty(count + 1, np.int64)
+    all_rows = np.arange(count)
+    for begin in range(0, balls.shape[0], _GROUP):
+        end = min(begin + _GROUP, balls.shape[0])
+        x, y, z, radius = _ball_around(moved, begin, end)
+        group_count = _select(gaussians, all_rows, count, x, y, z, radius, of_group)
         for g in range(begin, end):
             x, y, z, radius = moved[g, 0], moved[g, 1], moved[g, 2], moved[g, 3]
-            few = _reaching(gaussians, near, some, x, y, z, radius, nearer)
-            if few == 0:
+            block_count = _select(gaussians, of_group, group_count, x, y, z, radius, of_block)
+            if block_count == 0:
                 continue
             first, last = g * _BLOCK, min((g + 1) * _BLOCK, points.shape[0])
-            _move(points, first, last, rotation, translation, places)
+            _transform_block(points, first, last, rotation, translation, positions)
             sums[:] = 0.0
-            _meet(
-                places, sums, last - first, gaussians, nearer, few,
+            _add_gaussians(
+                positions, sums, last - first, gaussians, of_block, block_count,
                 sharpness, window_start, window_end, exact,
             )  # fmt: skip
-            _add_block(places, sums, last - first, exact, terms)
+            _add_block(positions, sums, last - first, exact, terms)
     return terms

@@ -1,4 +1,4 @@
-"""Grouping of points: numbering of occupied cells, and what of them is connected."""
+"""Clustering of points: numbering of occupied cells, adjacency and connected components."""
 
 import numpy as np
 
@@ -8,36 +8,46 @@ from scanlock.kernels._compile import kernel
 
 @kernel
 def occupied_cells(cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
-    """Return the part (n,) of each row and the cell of each part, for cells in [0, cell_count).
+    """Number the occupied cells in ascending order.
 
-    Parts are numbered by ascending cell, so the order of the rows does not matter. Negative
-    cells keep the label -1.
+    Parameters
+    ----------
+    cells : (n,)
+        Cell of each point in [0, cell_count); negative for none.
+    cell_count : int
+
+    Returns
+    -------
+    labels : (n,)
+        Number of each point's cell; -1 for none.
+    occupied : (k,)
+        Cell of each number.
     """
-    part_of_cell = np.full(cell_count, -1, np.int64)
+    label_of_cell = np.full(cell_count, -1, np.int64)
     for i in range(cells.shape[0]):
         if cells[i] >= 0:
-            part_of_cell[cells[i]] = 0
+            label_of_cell[cells[i]] = 0
     count = 0
     for c in range(cell_count):
-        if part_of_cell[c] == 0:
-            part_of_cell[c] = count
+        if label_of_cell[c] == 0:
+            label_of_cell[c] = count
             count += 1
-    parts = np.full(cells.shape[0], -1, np.int64)
+    labels = np.full(cells.shape[0], -1, np.int64)
     for i in range(cells.shape[0]):
         if cells[i] >= 0:
-            parts[i] = part_of_cell[cells[i]]
-    cell_of_part = np.empty(count, np.int64)
+            labels[i] = label_of_cell[cells[i]]
+    occupied = np.empty(count, np.int64)
     for c in range(cell_count):
-        if part_of_cell[c] >= 0:
-            cell_of_part[part_of_cell[c]] = c
-    return parts, cell_of_part
+        if label_of_cell[c] >= 0:
+            occupied[label_of_cell[c]] = c
+    return labels, occupied
 
 
 @kernel
-def touching_cells(occupied: Labels, sectors: int, bins: int) -> tuple[Labels, Labels]:
-    """Return each pair of occupied polar cells that share an edge or a corner, once, by rows.
+def adjacent_cells(occupied: Labels, sectors: int, bins: int) -> tuple[Labels, Labels]:
+    """Return the pairs of rows of occupied polar cells that share an edge or a corner, each once.
 
-    `occupied` (k,) is ascending; cell ``sector * bins + bin``. Sectors wrap around, bins do not.
+    `occupied` (k,) is ascending; cell = ``sector * bins + bin``. Sectors wrap around, bins do not.
     """
     row_of_cell = np.full(sectors * bins, -1, np.int64)
     for k in range(occupied.shape[0]):
@@ -49,7 +59,7 @@ def touching_cells(occupied: Labels, sectors: int, bins: int) -> tuple[Labels, L
         sector = occupied[k] // bins
         ring = occupied[k] % bins
         for step in range(4):
-            # Outwards, then the three of the next sector; the other four see this one so.
+            # Outwards, then the three of the next sector; the other four find this one likewise.
             other_sector = sector if step == 0 else (sector + 1) % sectors
             other_ring = ring + 1 if step == 0 else ring + step - 2
             if other_ring < 0 or other_ring >= bins:
@@ -63,36 +73,39 @@ def touching_cells(occupied: Labels, sectors: int, bins: int) -> tuple[Labels, L
 
 
 @kernel
-def close_pairs(points: Points, first: Labels, second: Labels, limit: float) -> Mask:
-    """Return whether the points of each pair of rows are less than a limit apart."""
-    are_close = np.empty(first.shape[0], np.bool_)
+def are_close(points: Points, first: Labels, second: Labels, max_distance: float) -> Mask:
+    """Return whether the points of each pair of rows are closer than a distance [m]."""
+    close = np.empty(first.shape[0], np.bool_)
     for m in range(first.shape[0]):
         a, b = first[m], second[m]
         dx = points[a, 0] - points[b, 0]
         dy = points[a, 1] - points[b, 1]
         dz = points[a, 2] - points[b, 2]
-        are_close[m] = dx * dx + dy * dy + dz * dz < limit * limit
-    return are_close
+        close[m] = dx * dx + dy * dy + dz * dz < max_distance * max_distance
+    return close
 
 
 @kernel
-def regrouped(labels: Labels, groups: Labels) -> Labels:
-    """Return the group of each row, given that of each label; -1 stays -1."""
+def relabelled(labels: Labels, new_labels: Labels) -> Labels:
+    """Return ``new_labels[label]`` for each label; -1 stays -1."""
     found = np.empty(labels.shape[0], np.int64)
     for i in range(labels.shape[0]):
-        found[i] = groups[labels[i]] if labels[i] >= 0 else -1
+        found[i] = new_labels[labels[i]] if labels[i] >= 0 else -1
     return found
 
 
 @kernel
-def joined_groups(rows: int, first: Labels, second: Labels, joins: Mask) -> tuple[Labels, int]:
-    """Return the group of each row when the pairs that join are in one, and how many there are.
+def connected_components(
+    rows: int, first: Labels, second: Labels, is_edge: Mask
+) -> tuple[Labels, int]:
+    """Return the component of each row of a graph and the number of components, by union-find.
 
-    Groups are numbered by their first rows.
+    The edges are those pairs of rows ``first[m], second[m]`` for which `is_edge` holds.
+    Components are numbered by their first rows.
     """
     root = np.arange(rows)
     for m in range(first.shape[0]):
-        if not joins[m]:
+        if not is_edge[m]:
             continue
         a, b = first[m], second[m]
         while root[a] != a:
@@ -101,14 +114,14 @@ def joined_groups(rows: int, first: Labels, second: Labels, joins: Mask) -> tupl
         while root[b] != b:
             root[b] = root[root[b]]
             b = root[b]
-        # The smaller row leads, so every row comes after the one that leads it.
+        # The smaller row becomes the root, so every row comes after its root.
         root[max(a, b)] = min(a, b)
-    group = np.empty(rows, np.int64)
+    component = np.empty(rows, np.int64)
     count = 0
     for k in range(rows):
         if root[k] == k:
-            group[k] = count
+            component[k] = count
             count += 1
         else:
-            group[k] = group[root[k]]
-    return group, count
+            component[k] = component[root[k]]
+    return component, count

@@ -1,4 +1,4 @@
-"""Incremental sample consensus with a 1-D Gaussian process in every sector of a polar grid."""
+"""Incremental sample consensus (INSAC) with a 1-D Gaussian process in each polar sector."""
 
 import math
 
@@ -6,11 +6,17 @@ import numpy as np
 
 from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._inline import first_not_below
+
+
+_Process = tuple[float, float, float, float, float]
+"""Length scale [m], signal variance [m^2] and noise variance [m^2] of a process, and the limits
+of variance [m^2] and of residual [deviations] below which an observation is accepted."""
 
 
 @sum_kernel
-def decay(x: float) -> float:
-    """Return ``exp(-x)`` for x >= 0 to 1e-12, in arithmetic that loops can vectorise.
+def exp_negative(x: float) -> float:
+    """Return ``exp(-x)`` for x from 0 to 60 to 1e-12, in arithmetic that loops can vectorise.
 
     The Taylor series of ``exp(-x / 1024)``, squared ten times; math.exp is a call.
     """
@@ -29,7 +35,7 @@ def decay(x: float) -> float:
 
 
 @sum_kernel
-def assimilate(
+def _condition(
     r: Vector,
     k: int,
     height: float,
@@ -41,11 +47,11 @@ def assimilate(
     factor: Vector,
     used: int,
 ) -> None:
-    """Condition the process at all ranges `r` on one observation at range ``r[k]``.
+    """Condition the process at all ranges `r` [m] on one observation at range ``r[k]``.
 
     One step of a pivoted Cholesky factorisation: row `used` of the flattened `factor` becomes
     the posterior covariance of the observation with every range, over its standard deviation.
-    `mean` and `variance` are brought up to date in place; `signal` and `noise` are variances.
+    `mean` [m] and `variance` [m^2] are updated in place; `signal` and `noise` are variances.
     """
     n = r.shape[0]
     deviation = math.sqrt(variance[k] + noise)
@@ -54,9 +60,9 @@ def assimilate(
     row = factor[used * n : (used + 1) * n]
     centre = r[k]
     for j in range(n):
-        gap = r[j] - centre
-        row[j] = signal * decay(scale * gap * gap)
-    # Four at a time: the row is then loaded and stored a fourth as often.
+        d = r[j] - centre
+        row[j] = signal * exp_negative(scale * d * d)
+    # Four at a time, so that the row is loaded and stored a fourth as often.
     for m in range(0, used - 3, 4):
         a = factor[m * n : (m + 1) * n]
         b = factor[(m + 1) * n : (m + 2) * n]
@@ -77,18 +83,14 @@ def assimilate(
 
 
 @kernel
-def grow_sector(
+def _grow_sector(
     r: Vector,
     heights: Vector,
     seeds: Mask,
-    caps: Vector,
-    lent_heights: Vector,
-    lent_noise: Vector,
-    length: float,
-    signal: float,
-    noise: float,
-    variance_limit: float,
-    residual_limit: float,
+    max_residuals: Vector,
+    shared_heights: Vector,
+    shared_noise: Vector,
+    process: _Process,
     accepted: Mask,
     mean: Vector,
     variance: Vector,
@@ -96,14 +98,14 @@ def grow_sector(
     used: int,
     joining: Labels,
 ) -> int:
-    """Grow the ground model of one sector; see `grow_sectors`. Return the rows of its factor.
+    """Grow the ground model of one sector, see `grow_sectors`; return the rows of its factor.
 
-    It grows on from `used` observations, whose rows are in `factor`, or from its seeds if there
-    are none yet. Brings `accepted`, `mean`, `variance` and `factor` up to date; `joining` is
-    scratch.
+    It starts from `used` observations, whose rows are in `factor`, or from the seeds if there are
+    none yet. `accepted`, `mean`, `variance` and `factor` are updated; `joining` is scratch.
     """
+    length, signal, noise, variance_limit, residual_limit = process
     n = r.shape[0]
-    borrower = 0
+    candidate = 0
     count = 0
     if used == 0:
         for j in range(n):
@@ -114,66 +116,55 @@ def grow_sector(
         for c in range(count):
             j = joining[c]
             accepted[j] = True
-            seen = float(heights[j])
-            assimilate(r, j, seen, noise, length, signal, mean, variance, factor, used)
+            height = float(heights[j])
+            _condition(r, j, height, noise, length, signal, mean, variance, factor, used)
             used += 1
         count = 0
         if used > 0:
             for j in range(n):
                 if accepted[j] or variance[j] >= variance_limit:
                     continue
-                gate = min(residual_limit * math.sqrt(noise + variance[j]), caps[j])
-                if abs(heights[j] - mean[j]) < gate:
+                deviation = math.sqrt(noise + variance[j])
+                threshold = min(residual_limit * deviation, max_residuals[j])
+                if abs(heights[j] - mean[j]) < threshold:
                     joining[count] = j
                     count += 1
         if count > 0:
             continue
-        while borrower < n and (
-            variance[borrower] < variance_limit or not lent_noise[borrower] >= 0.0
+        while candidate < n and (
+            variance[candidate] < variance_limit or not shared_noise[candidate] >= 0.0
         ):
-            borrower += 1
-        if borrower == n:
+            candidate += 1
+        if candidate == n:
             return used
-        seen = float(lent_heights[borrower])
-        doubt = float(lent_noise[borrower])
-        assimilate(r, borrower, seen, doubt, length, signal, mean, variance, factor, used)
+        height, own_noise = float(shared_heights[candidate]), float(shared_noise[candidate])
+        _condition(r, candidate, height, own_noise, length, signal, mean, variance, factor, used)
         used += 1
-        borrower += 1
+        candidate += 1
 
 
 @kernel
-def first_from(ascending: Vector, begin: int, end: int, value: float) -> int:
-    """Return the first row from `begin` on whose number is no less than a value, or `end`."""
-    while begin < end:
-        middle = (begin + end) // 2
-        if ascending[middle] < value:
-            begin = middle + 1
-        else:
-            end = middle
-    return begin
-
-
-@kernel
-def lend_heights(
+def _share_heights(
     starts: Labels,
     ranges: Vector,
     heights: Vector,
     mean: Vector,
     variance: Vector,
     variance_limit: float,
-    reach: int,
+    max_sectors: int,
     slope: float,
-    gap: float,
-    lent_heights: Vector,
-    lent_noise: Vector,
+    max_gap: float,
+    shared_heights: Vector,
+    shared_noise: Vector,
     changed: Mask,
 ) -> None:
-    """Write what neighbouring sectors lend to uncertain prototypes, and who got something.
+    """Write the heights that neighbouring sectors provide to uncertain prototypes.
 
-    On either side the nearest of `reach` sectors with a certain model within `gap` of the range
-    lends; `slope` is the standard deviation of the ground's slope across sectors, so a height
-    lent over the distance a is worth ``slope**2 a**2`` less. Two lenders are averaged by their
-    variances. Prototypes without a height get nothing.
+    On either side, the nearest of `max_sectors` sectors with a certain model within `max_gap` [m]
+    of the range provides its height. `slope` is the standard deviation of the ground's slope
+    across sectors, so the variance of a height at the distance a grows by ``slope**2 a**2``. Two
+    heights are averaged by their variances. Prototypes without a height of their own get none.
+    `changed` marks the sectors that get any.
     """
     sectors = starts.shape[0] - 1
     for s in range(sectors):
@@ -184,14 +175,14 @@ def lend_heights(
             weights = 0.0
             weighted = 0.0
             for side in (-1, 1):
-                for step in range(1, reach + 1):
+                for step in range(1, max_sectors + 1):
                     t = (s + side * step) % sectors
                     best = -1
-                    nearest = gap
-                    first = first_from(ranges, int(starts[t]), int(starts[t + 1]), ranges[i] - gap)
-                    for j in range(first, starts[t + 1]):
+                    nearest = max_gap
+                    begin, end = int(starts[t]), int(starts[t + 1])
+                    for j in range(first_not_below(ranges, begin, end, ranges[i] - max_gap), end):
                         outwards = ranges[j] - ranges[i]
-                        if outwards >= gap:
+                        if outwards >= max_gap:
                             break
                         if variance[j] < variance_limit and abs(outwards) < nearest:
                             best = j
@@ -204,8 +195,8 @@ def lend_heights(
                         weighted += weight * mean[best]
                         break
             if weights > 0.0:
-                lent_heights[i] = weighted / weights
-                lent_noise[i] = 1.0 / weights
+                shared_heights[i] = weighted / weights
+                shared_noise[i] = 1.0 / weights
                 changed[s] = True
 
 
@@ -215,81 +206,105 @@ def grow_sectors(
     ranges: Vector,
     heights: Vector,
     seeds: Mask,
-    caps: Vector,
+    max_residuals: Vector,
     length: float,
     signal: float,
     noise: float,
     variance_limit: float,
     residual_limit: float,
-    rounds: int,
-    reach: int,
+    exchanges: int,
+    max_sectors: int,
     slope: float,
-    gap: float,
+    max_gap: float,
 ) -> tuple[Mask, Vector, Vector]:
-    """Grow the ground models of all sectors from their seeds; return (accepted, mean, variance).
+    """Grow the ground models of all sectors from their seeds.
 
-    Sector s owns the prototypes ``starts[s]:starts[s + 1]`` of `ranges` and `heights` (relative
-    to the mean function). A candidate joins when its variance is below `variance_limit` and its
-    residual below both `residual_limit` standard deviations of an observation there and its own
-    cap; mean and variance are brought up to date after each sweep over the candidates.
+    A candidate is accepted if its variance is below `variance_limit` and its residual is below
+    both `residual_limit` standard deviations of an observation there and its own threshold. Mean
+    and variance are updated after each pass over the candidates.
 
-    When no more join, uncertain prototypes take heights from neighbouring sectors
-    (`lend_heights`), from the inside out and only as long as they stay uncertain, and growth
-    goes on; this is repeated `rounds` times, for the sectors that were lent anything new.
+    When no more are accepted, uncertain prototypes take heights from neighbouring sectors (see
+    `_share_heights`), from the inside out and only while they are uncertain, and growth continues.
+    This is repeated for the sectors that get new heights.
+
+    Parameters
+    ----------
+    starts : (sectors + 1,)
+        Sector s has the prototypes ``starts[s]:starts[s + 1]``.
+    ranges, heights : (n,) [m]
+        Heights are relative to the mean function; NaN for none.
+    seeds : (n,)
+    max_residuals : (n,) [m]
+    length : float [m]
+        Length scale of the covariance function.
+    signal, noise : float [m^2]
+        Variances.
+    variance_limit : float [m^2]
+    residual_limit : float
+    exchanges : int
+        Number of exchanges between sectors.
+    max_sectors : int
+    slope : float
+    max_gap : float [m]
+
+    Returns
+    -------
+    accepted : (n,)
+    mean, variance : (n,) [m], [m^2]
     """
     total = ranges.shape[0]
     sectors = starts.shape[0] - 1
+    process = length, signal, noise, variance_limit, residual_limit
     accepted = np.zeros(total, np.bool_)
     mean = np.zeros(total, np.float64)
     variance = np.full(total, signal, np.float64)
-    lent_heights = np.zeros(total, np.float64)
-    lent_noise = np.full(total, math.nan, np.float64)
+    shared_heights = np.zeros(total, np.float64)
+    shared_noise = np.full(total, math.nan, np.float64)
     changed = np.ones(sectors, np.bool_)
-    largest = 0
+    max_size = 0
     for s in range(sectors):
-        largest = max(largest, starts[s + 1] - starts[s])
-    factor = np.empty(2 * largest * largest, np.float64)
-    joining = np.empty(largest, np.int64)
-    # What sectors with something still uncertain ended with on their own: borrowing starts there,
-    # each time anew. The rows of their factors lie one after the other.
+        max_size = max(max_size, starts[s + 1] - starts[s])
+    factor = np.empty(2 * max_size * max_size, np.float64)
+    joining = np.empty(max_size, np.int64)
+    # State of the sectors with uncertain prototypes after their own growth, from which each
+    # exchange starts. The rows of their factors follow one another.
     rows = np.zeros(sectors, np.int64)
     begins = np.zeros(sectors, np.int64)
-    kept = np.empty(64 * total + 1, np.float64)
+    factors = np.empty(64 * total + 1, np.float64)
     filled = 0
     own_accepted = accepted
     own_mean = mean
     own_variance = variance
-    for turn in range(rounds + 1):
-        if turn == 1:
+    for exchange in range(exchanges + 1):
+        if exchange == 1:
             own_accepted, own_mean, own_variance = accepted.copy(), mean.copy(), variance.copy()
-        if turn > 0:
-            lend_heights(
-                starts, ranges, heights, mean, variance, variance_limit, reach, slope, gap,
-                lent_heights, lent_noise, changed,
+        if exchange > 0:
+            _share_heights(
+                starts, ranges, heights, mean, variance, variance_limit, max_sectors, slope,
+                max_gap, shared_heights, shared_noise, changed,
             )  # fmt: skip
         for s in range(sectors):
             if not changed[s]:
                 continue
             own = slice(starts[s], starts[s + 1])
             size = rows[s] * (starts[s + 1] - starts[s])
-            # Loops, as slices that are assigned to slices take a second to compile.
+            # Loops, because assigning slices to slices takes a second to compile.
             for k in range(size):
-                factor[k] = kept[begins[s] + k]
+                factor[k] = factors[begins[s] + k]
             for j in range(starts[s], starts[s + 1]):
                 accepted[j], mean[j], variance[j] = own_accepted[j], own_mean[j], own_variance[j]
-            used = grow_sector(
-                ranges[own], heights[own], seeds[own], caps[own],
-                lent_heights[own], lent_noise[own],
-                length, signal, noise, variance_limit, residual_limit,
+            used = _grow_sector(
+                ranges[own], heights[own], seeds[own], max_residuals[own],
+                shared_heights[own], shared_noise[own], process,
                 accepted[own], mean[own], variance[own], factor, rows[s], joining,
             )  # fmt: skip
-            if turn == 0 and rounds > 0 and np.any(variance[own] >= variance_limit):
+            if exchange == 0 and exchanges > 0 and np.any(variance[own] >= variance_limit):
                 rows[s] = used
                 begins[s] = filled
                 size = used * (starts[s + 1] - starts[s])
-                while filled + size > kept.shape[0]:
-                    kept = np.concatenate((kept, np.empty_like(kept)))
+                while filled + size > factors.shape[0]:
+                    factors = np.concatenate((factors, np.empty_like(factors)))
                 for k in range(size):
-                    kept[filled + k] = factor[k]
+                    factors[filled + k] = factor[k]
                 filled += size
     return accepted, mean, variance

@@ -1,4 +1,4 @@
-"""Passes over the prototypes: their patches, what these make of them, seeds, knots, extent."""
+"""Passes over the prototypes: patches, coarse ground heights, seeds, knots and extent."""
 
 import math
 
@@ -12,10 +12,11 @@ from scanlock.kernels._compile import kernel
 def prototype_patches(
     ranges: Vector, starts: Labels, patch_sectors: int, first_ring: float, growth: float
 ) -> tuple[Labels, int]:
-    """Return the patch ``patch_sector * rings + ring`` of each prototype, and how many rings.
+    """Return the patch ``patch_sector * rings + ring`` of each prototype, and the number of rings.
 
-    The innermost ring ends at the range ``first_ring * growth``, each later one at `growth` times
-    that of the one before. Sector s owns ``starts[s]:starts[s + 1]``, ordered by range.
+    The innermost ring ends at the range ``first_ring * growth`` [m], each further one at `growth`
+    times the end of the one before. Sector s has the prototypes ``starts[s]:starts[s + 1]``,
+    ordered by range.
     """
     sectors = starts.shape[0] - 1
     patch = np.empty(ranges.shape[0], np.int64)
@@ -37,19 +38,24 @@ def prototype_patches(
 
 @kernel
 def patch_members(
-    patch: Labels, patch_count: int, chosen: Mask, on_plane: Mask, share: float, least: int
+    patch: Labels,
+    patch_count: int,
+    chosen: Mask,
+    on_plane: Mask,
+    min_ratio: float,
+    min_count: int,
 ) -> tuple[Labels, Labels, Labels, Mask]:
-    """Return the chosen prototypes patch by patch, and which patches may start the growth.
+    """Return the chosen prototypes patch by patch, and the patches that growth may start from.
 
-    Patch p has the prototypes ``members[first[p]:first[p + 1]]``. It may start if a `share` of
-    them, `least` at least, are `on_plane`.
+    Patch p has the prototypes ``members[first[p]:first[p + 1]]``. Growth may start from it if
+    `min_ratio` of them, and at least `min_count`, are `on_plane`.
 
     Returns
     -------
     members : (n,)
     first : (patches + 1,)
     occupied : (patches,)
-        All prototypes of each patch, chosen or not.
+        Number of prototypes of each patch, chosen or not.
     start : (patches,)
     """
     first = np.zeros(patch_count + 1, np.int64)
@@ -61,7 +67,7 @@ def patch_members(
         near[patch[i]] += chosen[i] and on_plane[i]
     start = np.empty(patch_count, np.bool_)
     for p in range(patch_count):
-        start[p] = near[p] >= max(share * first[p + 1], least)
+        start[p] = near[p] >= max(min_ratio * first[p + 1], min_count)
         first[p + 1] += first[p]
     end = first[:patch_count].copy()
     members = np.empty(first[patch_count], np.int64)
@@ -73,7 +79,7 @@ def patch_members(
 
 
 @kernel
-def heights_of_patches(
+def blended_patch_heights(
     x: Vector,
     y: Vector,
     patch: Labels,
@@ -82,11 +88,11 @@ def heights_of_patches(
     patch_sectors: int,
     rings: int,
 ) -> Vector:
-    """Return the height of the coarse ground at each low point; NaN away from all of it.
+    """Return the height [m] of the coarse ground at each low point; NaN where there is none.
 
-    The planes (see `grow_patches`) of the point's own patch and of the eight around it are
-    blended by the inverse fourth power of the distance to their centres, its own counting four
-    times.
+    The planes of the point's patch and of the eight around it (see `patches.grow_patches`) are
+    averaged with weights of the inverse fourth power of the distance to their centres. The
+    point's own patch has four times that weight.
     """
     n = x.shape[0]
     height = np.full(n, math.nan, np.float64)
@@ -120,31 +126,32 @@ def heights_of_patches(
 
 
 @kernel
-def seeds_on_base(
+def select_seeds(
     heights: Vector,
     base: Vector,
     ranges: Vector,
     sharp: Mask,
     on_envelope: Mask,
-    seed_height: float,
-    seed_range: float,
+    max_height: float,
+    max_range: float,
     blunt_limit: float,
 ) -> tuple[Vector, Mask, Vector]:
-    """Return heights above the base surface, which prototypes are seeds, and caps of residuals.
+    """Return heights above the base surface, the seeds, and the largest residuals [m].
 
-    Seeds lie on the envelope, within `seed_range` and within `seed_height` of the base; where
-    their cell is not `sharp`, within `blunt_limit` of it, which caps residuals there as well.
+    Seeds lie on the envelope, within `max_range` [m] and within `max_height` [m] of the base
+    surface. Where the prototype of a cell is not `sharp`, its distance from the base surface, and
+    its residual later on, must be below `blunt_limit` [m].
     """
     n = heights.shape[0]
     above = np.empty(n, np.float64)
     seeds = np.empty(n, np.bool_)
-    caps = np.empty(n, np.float64)
+    max_residuals = np.empty(n, np.float64)
     for i in range(n):
         above[i] = heights[i] - base[i]
-        caps[i] = math.inf if sharp[i] else blunt_limit
-        near = abs(above[i]) < min(seed_height, caps[i])
-        seeds[i] = near and on_envelope[i] and ranges[i] < seed_range
-    return above, seeds, caps
+        max_residuals[i] = math.inf if sharp[i] else blunt_limit
+        is_near = abs(above[i]) < min(max_height, max_residuals[i])
+        seeds[i] = is_near and on_envelope[i] and ranges[i] < max_range
+    return above, seeds, max_residuals
 
 
 @kernel
@@ -155,14 +162,15 @@ def knots_between_prototypes(
     starts: Labels,
     sharp: Mask,
     cell_count: int,
-    least_step: float,
+    min_step: float,
     limit: float,
     blunt_limit: float,
 ) -> Matrix:
-    """Return the knots of all cells, linear from one prototype of a sector to the next.
+    """Return the knots (cells, 5) of a model that is linear between the prototypes of a sector.
 
-    `modelled` is the height of the model at each prototype. The model is level where it has no
-    neighbour on a side, or one nearer than `least_step` would be steeper. See `split_by_knots`.
+    `modelled` is the height [m] of the model at each prototype. The model is level beyond the
+    first and the last prototype, and distances below `min_step` [m] count as `min_step`. See
+    `point_passes.classify_points`.
     """
     knots = np.full((cell_count, 5), math.nan, np.float64)
     for s in range(starts.shape[0] - 1):
@@ -174,7 +182,7 @@ def knots_between_prototypes(
             knot[2] = slope
             slope = 0.0
             if i + 1 < starts[s + 1]:
-                step = max(ranges[i + 1] - ranges[i], least_step)
+                step = max(ranges[i + 1] - ranges[i], min_step)
                 slope = (modelled[i + 1] - modelled[i]) / step
                 slope = 0.0 if math.isnan(slope) else slope
             knot[3] = slope
@@ -184,10 +192,10 @@ def knots_between_prototypes(
 
 @kernel
 def extent(points: Points, chosen: Mask, starts: Labels) -> tuple[int, float, int]:
-    """Return how many points are chosen, their breadth, and how many sectors hold any.
+    """Return the number of chosen points, their breadth, and the number of sectors with any.
 
-    Breadth is the standard deviation [m] along the axis in the xy plane that they spread along
-    least; sector s owns the points ``starts[s]:starts[s + 1]``.
+    The breadth is the smallest standard deviation [m] along any direction of the xy plane. Sector
+    s has the points ``starts[s]:starts[s + 1]``.
     """
     count = 0
     sectors = 0
@@ -212,7 +220,7 @@ def extent(points: Points, chosen: Mask, starts: Labels) -> tuple[int, float, in
             xx += x * x
             xy += x * y
             yy += y * y
-    # The smaller eigenvalue; as the product of both over the larger it keeps its digits.
+    # The smaller eigenvalue, as the product of both over the larger, which loses no digits.
     half = 0.5 * (xx - yy)
     larger = 0.5 * (xx + yy) + math.sqrt(half * half + xy * xy)
     smaller = max(xx * yy - xy * xy, 0.0) / larger if larger > 0.0 else 0.0

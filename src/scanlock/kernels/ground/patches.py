@@ -1,7 +1,8 @@
-"""The coarse ground: patches of low points that continue one another as planes.
+"""Coarse ground: patches of low points, grown from one another as planes.
 
 A patch is a row (h, gx, gy, x, y, radius): its plane has the height h at the patch's centre
-(x, y) and the gradient (gx, gy); `radius` is how far the points reach that it was fitted to.
+(x, y) and the gradient (gx, gy); `radius` is the extent of the points that the plane was fitted
+to. Patches are numbered ``sector * rings + ring``.
 """
 
 import math
@@ -10,34 +11,55 @@ import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Vector
 from scanlock.kernels._compile import kernel
+from scanlock.kernels._inline import adjugate, product
 
+_Grid = tuple[int, int]
+"""Sectors and rings of the patches."""
+
+_Limit = tuple[float, float]
+"""Largest residual [m] of a point of the ground, and its growth with the distance to accepted
+patches [m/m]."""
 
 @kernel
-def fit_patch(
+def _fit_plane(
     members: Labels,
     x: Vector,
     y: Vector,
     z: Vector,
-    gates: Vector,
-    gate: float,
+    limits: Vector,
+    threshold: float,
     prior: Vector,
     prior_weight: float,
     slope_weight: float,
     fitted: Vector,
 ) -> tuple[int, int, float]:
-    """Fit the plane of a patch to the low points near it; return (points, as predicted, rms).
+    """Fit a plane to the low points near a predicted patch.
 
-    `prior` is the predicted patch: its height counts as `prior_weight` points and its gradient
-    as `slope_weight` square metres of them. `gates` are how far from the prediction each member
-    may lie at first; the last of three rounds takes those within `gate`. The second number is
-    how many of these lie within `gate` of the prediction too. The plane and its radius are
-    written to `fitted`.
+    Parameters
+    ----------
+    members
+        Rows of the patch's low points in x, y, z.
+    limits : (n,) [m]
+        Largest residual of each low point in the first of three fits; `threshold` in the last.
+    threshold : float [m]
+    prior : (6,)
+        Predicted patch.
+    prior_weight : float
+        Weight of its height, in points.
+    slope_weight : float [m^2]
+        Weight of its gradient, as the sum of squared distances of points.
+    fitted : (6,)
+        Overwritten by the plane and its radius.
+
+    Returns
+    -------
+    count : int
+        Points within `threshold` of the plane.
+    predicted : int
+        Those also within `threshold` of the prediction.
+    rms : float [m]
     """
-    cx = prior[3]
-    cy = prior[4]
-    h = prior[0]
-    gx = prior[1]
-    gy = prior[2]
+    h, gx, gy, cx, cy = prior[0], prior[1], prior[2], prior[3], prior[4]
     for attempt in range(3):
         widening = 1.0 - 0.5 * attempt
         a00 = prior_weight
@@ -50,7 +72,8 @@ def fit_patch(
             i = members[m]
             dx = x[i] - cx
             dy = y[i] - cy
-            if abs(z[i] - h - gx * dx - gy * dy) >= gate + widening * (gates[i] - gate):
+            limit = threshold + widening * (limits[i] - threshold)
+            if abs(z[i] - h - gx * dx - gy * dy) >= limit:
                 continue
             a00 += 1.0
             a01 += dx
@@ -61,16 +84,9 @@ def fit_patch(
             r0 += z[i]
             r1 += dx * z[i]
             r2 += dy * z[i]
-        c00 = a11 * a22 - a12 * a12
-        c01 = a02 * a12 - a01 * a22
-        c02 = a01 * a12 - a02 * a11
-        c11 = a00 * a22 - a02 * a02
-        c12 = a01 * a02 - a00 * a12
-        c22 = a00 * a11 - a01 * a01
-        determinant = a00 * c00 + a01 * c01 + a02 * c02
-        h = (c00 * r0 + c01 * r1 + c02 * r2) / determinant
-        gx = (c01 * r0 + c11 * r1 + c12 * r2) / determinant
-        gy = (c02 * r0 + c12 * r1 + c22 * r2) / determinant
+        adjugate_of_a, determinant = adjugate((a00, a01, a02, a11, a12, a22))
+        h, gx, gy = product(adjugate_of_a, (r0, r1, r2))
+        h, gx, gy = h / determinant, gx / determinant, gy / determinant
     count = 0
     predicted = 0
     squares = 0.0
@@ -79,38 +95,37 @@ def fit_patch(
         i = members[m]
         dx = x[i] - cx
         dy = y[i] - cy
-        gap = z[i] - h - gx * dx - gy * dy
-        if abs(gap) < gate:
+        residual = z[i] - h - gx * dx - gy * dy
+        if abs(residual) < threshold:
             count += 1
-            squares += gap * gap
+            squares += residual * residual
             spread += dx * dx + dy * dy
-            if abs(z[i] - prior[0] - prior[1] * dx - prior[2] * dy) < gate:
+            if abs(z[i] - prior[0] - prior[1] * dx - prior[2] * dy) < threshold:
                 predicted += 1
     if count == 0:
         return 0, 0, 0.0
-    fitted[0] = h
-    fitted[1] = gx
-    fitted[2] = gy
-    # The points of a disc spread to sqrt(2) times their mean radius.
+    fitted[0], fitted[1], fitted[2] = h, gx, gy
+    # The radius of a uniform disc is sqrt(2) times the rms distance of its points.
     fitted[5] = math.sqrt(2.0 * spread / count)
     return count, predicted, math.sqrt(squares / count)
 
 
 @kernel
-def predict_patch(
-    p: int, patches: Matrix, accepted: Mask, patch_sectors: int, rings: int, prior: Vector
-) -> bool:
-    """Predict the plane of a patch from the accepted ones around it; False if there are none.
+def _predict_plane(p: int, patches: Matrix, accepted: Mask, grid: _Grid, prior: Vector) -> bool:
+    """Predict the plane of a patch from accepted patches around it; return whether there are any.
 
-    Those of the next sectors and of two rings inwards and outwards count, in inverse proportion
-    to their squared distances. The prediction is written to `prior`, at the patch's centre.
+    The patches of the adjacent sectors and of two rings inwards and outwards are weighted by
+    their inverse squared distances. The prediction is written to `prior`, at the patch's centre.
     """
+    sectors, rings = grid
+    ring_of_p = p % rings
     x = patches[p, 3]
     y = patches[p, 4]
     weights = h = gx = gy = 0.0
     for across in range(-1, 2):
-        for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
-            q = ((p // rings + across) % patch_sectors) * rings + ring
+        sector = (p // rings + across) % sectors
+        for ring in range(max(ring_of_p - 2, 0), min(ring_of_p + 3, rings)):
+            q = sector * rings + ring
             if not accepted[q]:
                 continue
             dx = x - patches[q, 3]
@@ -122,83 +137,79 @@ def predict_patch(
             gy += weight * patches[q, 2]
     if weights == 0.0:
         return False
-    prior[0] = h / weights
-    prior[1] = gx / weights
-    prior[2] = gy / weights
-    prior[3] = x
-    prior[4] = y
+    prior[0], prior[1], prior[2] = h / weights, gx / weights, gy / weights
+    prior[3], prior[4] = x, y
     return True
 
 
 @kernel
-def widen_gates(
+def _set_limits(
     p: int,
     members: Labels,
     x: Vector,
     y: Vector,
     patches: Matrix,
     accepted: Mask,
-    patch_sectors: int,
-    rings: int,
-    gate: float,
-    gate_slope: float,
-    gates: Vector,
+    grid: _Grid,
+    limit: _Limit,
+    limits: Vector,
 ) -> None:
-    """Set how far each member may lie from a prediction: more, the farther from known ground."""
+    """Set the largest residual of each member: larger, the farther from accepted patches."""
+    sectors, rings = grid
+    ring_of_p = p % rings
     for m in range(members.shape[0]):
         i = members[m]
         nearest = math.inf
         for across in range(-1, 2):
-            for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
-                q = ((p // rings + across) % patch_sectors) * rings + ring
+            sector = (p // rings + across) % sectors
+            for ring in range(max(ring_of_p - 2, 0), min(ring_of_p + 3, rings)):
+                q = sector * rings + ring
                 if accepted[q]:
                     dx = x[i] - patches[q, 3]
                     dy = y[i] - patches[q, 4]
                     nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - patches[q, 5])
-        gates[i] = gate + gate_slope * max(nearest, 0.0)
+        limits[i] = limit[0] + limit[1] * max(nearest, 0.0)
 
 
 @kernel
-def is_sunken(
+def _predict_lower_level(
     p: int,
     members: Labels,
     z: Vector,
     patches: Matrix,
     accepted: Mask,
-    patch_sectors: int,
-    rings: int,
-    gate: float,
+    grid: _Grid,
+    threshold: float,
     prior: Vector,
 ) -> bool:
-    """Tell whether a patch may be ground at a lower level than the next accepted one inwards.
+    """Return whether a patch may be ground at a lower level than the next accepted one inwards.
 
-    It must lie lower by more than `gate`, and by less than the distance between the two. Its
-    mean height is written to `prior`.
+    It must be lower by more than `threshold`, and by less than the distance between the two. A
+    horizontal plane at its mean height is written to `prior`.
     """
+    sectors, rings = grid
+    ring_of_p = p % rings
     mean = 0.0
     for m in range(members.shape[0]):
         mean += z[members[m]] / members.shape[0]
-    prior[0] = mean
-    prior[1] = 0.0
-    prior[2] = 0.0
-    prior[3] = patches[p, 3]
-    prior[4] = patches[p, 4]
-    for ring in range(p % rings - 1, -1, -1):
+    prior[0], prior[1], prior[2] = mean, 0.0, 0.0
+    prior[3], prior[4] = patches[p, 3], patches[p, 4]
+    for ring in range(ring_of_p - 1, -1, -1):
         for across in (0, -1, 1):
-            q = ((p // rings + across) % patch_sectors) * rings + ring
+            q = ((p // rings + across) % sectors) * rings + ring
             if accepted[q]:
                 dx = patches[p, 3] - patches[q, 3]
                 dy = patches[p, 4] - patches[q, 4]
                 drop = patches[q, 0] - mean
-                return drop > gate and drop < math.sqrt(dx * dx + dy * dy)
+                return drop > threshold and drop < math.sqrt(dx * dx + dy * dy)
     return False
 
 
 @kernel
-def is_plane(count: int, predicted: int, members: int, occupied: int, roughness: float) -> bool:
-    """Tell whether `count` of the members of a patch make its plane; see `grow_patches`.
+def _is_plane(count: int, predicted: int, members: int, occupied: int, roughness: float) -> bool:
+    """Return whether `count` of the members of a patch make its plane; see `grow_patches`.
 
-    `predicted` of them lie on the predicted plane too; `roughness` is relative to what is allowed.
+    `predicted` of them are near the predicted plane; `roughness` is relative to its limit.
     """
     if count < 2 or 2 * count < members or roughness > 1.0:
         return False
@@ -206,12 +217,27 @@ def is_plane(count: int, predicted: int, members: int, occupied: int, roughness:
 
 
 @kernel
-def mark_around(p: int, patch_sectors: int, rings: int, marks: Mask) -> None:
-    """Mark the patches that are predicted from one, see `predict_patch`."""
+def _mark_neighbours(p: int, grid: _Grid, marks: Mask) -> None:
+    """Mark the patches whose predictions depend on one; see `_predict_plane`."""
+    sectors, rings = grid
+    ring_of_p = p % rings
     for across in range(-1, 2):
-        sector = (p // rings + across) % patch_sectors
-        for ring in range(max(p % rings - 2, 0), min(p % rings + 3, rings)):
+        sector = (p // rings + across) % sectors
+        for ring in range(max(ring_of_p - 2, 0), min(ring_of_p + 3, rings)):
             marks[sector * rings + ring] = True
+
+
+@kernel
+def _empty_patches(x: Vector, y: Vector, members: Labels, first: Labels) -> Matrix:
+    """Return patches at the centroids of their members, without planes."""
+    patches = np.zeros((first.shape[0] - 1, 6), np.float64)
+    for p in range(patches.shape[0]):
+        for i in members[first[p] : first[p + 1]]:
+            patches[p, 3] += x[i]
+            patches[p, 4] += y[i]
+        patches[p, 3] /= max(first[p + 1] - first[p], 1)
+        patches[p, 4] /= max(first[p + 1] - first[p], 1)
+    return patches
 
 
 @kernel
@@ -225,43 +251,59 @@ def grow_patches(
     start: Mask,
     patch_sectors: int,
     rings: int,
-    gate: float,
-    gate_slope: float,
+    threshold: float,
+    threshold_slope: float,
     prior_weight: float,
     slope_weight: float,
-    roughness: float,
+    max_roughness: float,
 ) -> tuple[Matrix, Mask]:
     """Grow the coarse ground from the patches in `start`; return (patches, accepted).
 
-    Patch p has the low points ``members[first[p]:first[p + 1]]``, of `occupied[p]` cells in all.
-    It joins when at least half of its low points and two of them lie within `gate` of a plane
-    near the one its neighbours predict, rough to `roughness` at most. To leave the prediction it
-    needs more: six points, in six tenths of its cells, rough to seven tenths of that. When
-    growth ends, flat patches that lie lower than the next ground inwards join, and growth goes
-    on: beyond an edge the ground may go on at a lower level, and nothing lies beneath it.
+    A patch is accepted if at least half of its low points, and two of them, lie within `threshold`
+    of a plane near the predicted one, with a roughness up to `max_roughness`. A plane away from the
+    prediction needs more: six points, in six tenths of the patch's cells, with a roughness up to
+    seven tenths of the limit. When growth ends, flat patches at a lower level than the next
+    ground inwards are accepted and growth continues: beyond an edge the ground may go on at a
+    lower level, and nothing lies beneath it.
+
+    Parameters
+    ----------
+    x, y, z : (n,) [m]
+        Low points.
+    members, first
+        Patch p has the low points ``members[first[p]:first[p + 1]]``.
+    occupied : (patches,)
+        Occupied cells of each patch.
+    start : (patches,)
+    patch_sectors, rings : int
+    threshold : float [m]
+        Largest residual of a point of the ground.
+    threshold_slope : float
+        Growth of the threshold with the distance to accepted patches.
+    prior_weight : float
+        Weight of a predicted height, in points.
+    slope_weight : float [m^2]
+        Weight of a predicted gradient.
+    max_roughness : float [m]
+        Largest rms of the residuals.
     """
-    patch_count = first.shape[0] - 1
-    patches = np.zeros((patch_count, 6), np.float64)
-    for p in range(patch_count):
-        for i in members[first[p] : first[p + 1]]:
-            patches[p, 3] += x[i]
-            patches[p, 4] += y[i]
-        patches[p, 3] /= max(first[p + 1] - first[p], 1)
-        patches[p, 4] /= max(first[p + 1] - first[p], 1)
+    patches = _empty_patches(x, y, members, first)
+    patch_count = patches.shape[0]
+    grid, limit_of_distance = (patch_sectors, rings), (threshold, threshold_slope)
     accepted = np.zeros(patch_count, np.bool_)
     joining = np.zeros(patch_count, np.bool_)
-    gates = np.full(x.shape[0], gate, np.float64)
+    limits = np.full(x.shape[0], threshold, np.float64)
     prior = np.zeros(6, np.float64)
     fitted = np.zeros(6, np.float64)
-    # A patch that did not join waits until one that predicts it has joined.
+    # A patch that was not accepted waits until one that it is predicted from has been accepted.
     due = np.ones(patch_count, np.bool_)
     sweep = 0
-    sinking = False
+    is_lower_level = False
     while True:
         joined = 0
         for p in range(patch_count):
             n = first[p + 1] - first[p]
-            if accepted[p] or n < 2 or not (due[p] or sinking):
+            if accepted[p] or n < 2 or not (due[p] or is_lower_level):
                 continue
             due[p] = False
             own = members[first[p] : first[p + 1]]
@@ -271,25 +313,23 @@ def grow_patches(
                     continue
                 for c in range(6):
                     prior[c] = patches[p, c]
-            elif sinking:
-                if n < 6 or not is_sunken(
-                    p, own, z, patches, accepted, patch_sectors, rings, gate, prior
+            elif is_lower_level:
+                if n < 6 or not _predict_lower_level(
+                    p, own, z, patches, accepted, grid, threshold, prior
                 ):
                     continue
-                # No prediction: all of its points are near, and its own mean hardly counts.
+                # Not a prediction: all points are used, and the mean height has hardly any weight.
                 for m in range(n):
-                    gates[own[m]] = 1e9
+                    limits[own[m]] = 1e9
                 weight = 1e-3
-            elif predict_patch(p, patches, accepted, patch_sectors, rings, prior):
-                widen_gates(
-                    p, own, x, y, patches, accepted, patch_sectors, rings, gate, gate_slope, gates
-                )
+            elif _predict_plane(p, patches, accepted, grid, prior):
+                _set_limits(p, own, x, y, patches, accepted, grid, limit_of_distance, limits)
             else:
                 continue
-            count, predicted, rms = fit_patch(
-                own, x, y, z, gates, gate, prior, weight, slope_weight, fitted
+            count, predicted, rms = _fit_plane(
+                own, x, y, z, limits, threshold, prior, weight, slope_weight, fitted
             )
-            if not is_plane(count, predicted, n, occupied[p], rms / roughness):
+            if not _is_plane(count, predicted, n, occupied[p], rms / max_roughness):
                 continue
             for c in range(3):
                 patches[p, c] = fitted[c]
@@ -300,9 +340,9 @@ def grow_patches(
             if joining[p]:
                 accepted[p] = True
                 joining[p] = False
-                mark_around(p, patch_sectors, rings, due)
-        if joined == 0 and sinking:
+                _mark_neighbours(p, grid, due)
+        if joined == 0 and is_lower_level:
             return patches, accepted
-        # Lower levels are looked for each time growth along the ground has ended.
-        sinking = joined == 0 and sweep > 0
+        # Lower levels are searched each time growth along the ground has ended.
+        is_lower_level = joined == 0 and sweep > 0
         sweep += 1

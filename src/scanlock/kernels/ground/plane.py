@@ -1,4 +1,4 @@
-"""The plane that most low points share, found from quasi-random triples."""
+"""Dominant plane of low points, by sample consensus over quasi-random triples."""
 
 import math
 
@@ -8,15 +8,15 @@ from scanlock.arrays import Matrix, Points, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
 
 _SWEEPS = 12
-"""Rounds of turns that are far more than enough to make a 3x3 matrix diagonal."""
+"""Jacobi sweeps, far more than enough to make a 3x3 matrix diagonal."""
 
 
 @kernel
-def plane_columns(points: Points, near: float, gate: float, gate_slope: float) -> Matrix:
-    """Return the rows x, y, z, weight and sharpness of low points.
+def weighted_columns(points: Points, near: float, threshold: float, threshold_slope: float) -> Matrix:
+    """Return the (5, n) rows x, y, z, weight and inverse threshold of (n, 3) low points [m].
 
-    A weight is in inverse proportion to the range plus `near`, and all sum to one; the sharpness
-    is one over the gate, `gate` plus `gate_slope` times the range.
+    Weights are inversely proportional to the range plus `near` [m] and sum to one. The threshold
+    of a residual is `threshold` [m] plus `threshold_slope` times the range.
     """
     n = points.shape[0]
     columns = np.empty((5, n), np.float64)
@@ -29,7 +29,7 @@ def plane_columns(points: Points, near: float, gate: float, gate_slope: float) -
         columns[1, i] = y
         columns[2, i] = points[i, 2]
         columns[3, i] = 1.0 / (near + distance)
-        columns[4, i] = 1.0 / (gate + gate_slope * distance)
+        columns[4, i] = 1.0 / (threshold + threshold_slope * distance)
         total += columns[3, i]
     for i in range(n):
         columns[3, i] /= total
@@ -38,37 +38,38 @@ def plane_columns(points: Points, near: float, gate: float, gate_slope: float) -
 
 @sum_kernel
 def plane_score(
-    x: Vector, y: Vector, z: Vector, weights: Vector, sharpness: Vector,
+    x: Vector, y: Vector, z: Vector, weights: Vector, inverse_thresholds: Vector,
     nx: float, ny: float, nz: float, d: float,
 ) -> float:  # fmt: skip
-    """Return how well the plane ``n . p + d = 0`` serves as the ground of low points.
+    """Return the score of the plane ``n . p + d = 0`` as the ground of low points.
 
-    `sharpness` is one over the gate of each point. A point within its gate counts up to its
-    weight, less the farther off it is; one more than two gates below takes off half its weight,
-    because ground has little beneath it.
+    With the residual h of a point in thresholds, the point adds ``1 - h^2`` of its weight if it
+    is within its threshold. It subtracts half its weight if it is more than two thresholds below,
+    because there is little beneath the ground.
     """
     score = 0.0
     for i in range(x.shape[0]):
-        h = (nx * x[i] + ny * y[i] + nz * z[i] + d) * sharpness[i]
+        h = (nx * x[i] + ny * y[i] + nz * z[i] + d) * inverse_thresholds[i]
         beneath = -0.5 if h < -2.0 else 0.0
         score += weights[i] * max(1.0 - h * h, beneath)
     return score
 
 
 @kernel
-def best_triple_plane(
+def best_sampled_plane(
     x: Vector,
     y: Vector,
     z: Vector,
     weights: Vector,
-    sharpness: Vector,
+    inverse_thresholds: Vector,
     triples: int,
-    least_cosine: float,
+    min_cosine: float,
 ) -> tuple[float, float, float, float, float]:
     """Return (nx, ny, nz, d, score) of the best of `triples` planes through three points.
 
-    The triples follow a three-dimensional low-discrepancy sequence, so the result repeats.
-    Only upward normals with ``nz >= least_cosine`` are tried. Score 0 means none was any good.
+    The triples follow a three-dimensional low-discrepancy sequence, so the result is
+    reproducible. Only upward normals with ``nz >= min_cosine`` are tried. A score of 0 means that
+    no plane has a positive score.
     """
     n = x.shape[0]
     half = n // 2
@@ -97,17 +98,17 @@ def best_triple_plane(
         nx /= norm
         ny /= norm
         nz /= norm
-        if nz < least_cosine:
+        if nz < min_cosine:
             continue
         d = -(nx * x[i] + ny * y[i] + nz * z[i])
         score = plane_score(
-            x[:half], y[:half], z[:half], weights[:half], sharpness[:half], nx, ny, nz, d
+            x[:half], y[:half], z[:half], weights[:half], inverse_thresholds[:half], nx, ny, nz, d
         )
-        # The second half adds no more than its weights.
+        # The second half adds at most its weights.
         if score + rest <= best[4]:
             continue
         score += plane_score(
-            x[half:], y[half:], z[half:], weights[half:], sharpness[half:], nx, ny, nz, d
+            x[half:], y[half:], z[half:], weights[half:], inverse_thresholds[half:], nx, ny, nz, d
         )
         if score > best[4]:
             best = (nx, ny, nz, d, score)
@@ -116,20 +117,19 @@ def best_triple_plane(
 
 @sum_kernel
 def plane_moments(
-    x: Vector, y: Vector, z: Vector, weights: Vector, sharpness: Vector, reach: float,
+    x: Vector, y: Vector, z: Vector, weights: Vector, inverse_thresholds: Vector, cutoff: float,
     nx: float, ny: float, nz: float, d: float,
 ) -> Vector:  # fmt: skip
-    """Return weighted sums over the points within `reach` gates of a plane.
+    """Return weighted sums over the points within `cutoff` thresholds of a plane.
 
-    (sum w, wx, wy, wz, wxx, wxy, wxz, wyy, wyz, wzz) with w the weight of the point, over its
-    squared gate, times the biweight of its distance; points below the plane weigh as much as
-    those above.
+    (sum w, wx, wy, wz, wxx, wxy, wxz, wyy, wyz, wzz), where w is the weight of the point over its
+    squared threshold, times the biweight of its residual, above and below the plane alike.
     """
     s0 = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for i in range(x.shape[0]):
-        h = (nx * x[i] + ny * y[i] + nz * z[i] + d) * sharpness[i] / reach
+        h = (nx * x[i] + ny * y[i] + nz * z[i] + d) * inverse_thresholds[i] / cutoff
         inside = max(1.0 - h * h, 0.0)
-        w = weights[i] * inside * inside * sharpness[i] * sharpness[i]
+        w = weights[i] * inside * inside * inverse_thresholds[i] * inverse_thresholds[i]
         s0 += w
         sx += w * x[i]
         sy += w * y[i]
@@ -144,31 +144,30 @@ def plane_moments(
 
 
 @kernel
-def flattest_direction(spread: Matrix) -> tuple[float, float, float]:
+def smallest_eigenvector(covariance: Matrix) -> tuple[float, float, float]:
     """Return the upward unit eigenvector of the smallest eigenvalue of a symmetric 3x3 matrix.
 
-    Jacobi's method: one element off the diagonal after the other is turned to zero. `spread` is
-    left diagonal.
+    Jacobi's method, which leaves `covariance` diagonal.
     """
     axes = np.eye(3)
     for _ in range(_SWEEPS):
         for p in range(2):
             for q in range(p + 1, 3):
-                if abs(spread[p, q]) <= 1e-17 * (abs(spread[p, p]) + abs(spread[q, q])):
+                if abs(covariance[p, q]) <= 1e-17 * (abs(covariance[p, p]) + abs(covariance[q, q])):
                     continue
-                turn = 0.5 * (spread[q, q] - spread[p, p]) / spread[p, q]
-                t = math.copysign(1.0, turn) / (abs(turn) + math.sqrt(turn * turn + 1.0))
+                cotangent = 0.5 * (covariance[q, q] - covariance[p, p]) / covariance[p, q]
+                t = math.copysign(1.0, cotangent) / (abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0))
                 c = 1.0 / math.sqrt(t * t + 1.0)
                 for k in range(3):
-                    a = spread[k, p]
-                    b = spread[k, q]
-                    spread[k, p] = c * (a - t * b)
-                    spread[k, q] = c * (b + t * a)
+                    a = covariance[k, p]
+                    b = covariance[k, q]
+                    covariance[k, p] = c * (a - t * b)
+                    covariance[k, q] = c * (b + t * a)
                 for k in range(3):
-                    a = spread[p, k]
-                    b = spread[q, k]
-                    spread[p, k] = c * (a - t * b)
-                    spread[q, k] = c * (b + t * a)
+                    a = covariance[p, k]
+                    b = covariance[q, k]
+                    covariance[p, k] = c * (a - t * b)
+                    covariance[q, k] = c * (b + t * a)
                 for k in range(3):
                     a = axes[k, p]
                     b = axes[k, q]
@@ -176,7 +175,7 @@ def flattest_direction(spread: Matrix) -> tuple[float, float, float]:
                     axes[k, q] = c * (b + t * a)
     k = 0
     for other in range(1, 3):
-        if spread[other, other] < spread[k, k]:
+        if covariance[other, other] < covariance[k, k]:
             k = other
     sign = 1.0 if axes[2, k] >= 0.0 else -1.0
     return sign * axes[0, k], sign * axes[1, k], sign * axes[2, k]
@@ -188,28 +187,29 @@ def refined_plane(
     y: Vector,
     z: Vector,
     weights: Vector,
-    sharpness: Vector,
-    reaches: Vector,
+    inverse_thresholds: Vector,
+    cutoffs: Vector,
     nx: float,
     ny: float,
     nz: float,
     d: float,
 ) -> tuple[float, float, float, float, float]:
-    """Return (nx, ny, nz, d, score) of a plane after reweighted fits, one for each of `reaches`.
+    """Return (nx, ny, nz, d, score) of a plane after one reweighted fit for each of `cutoffs`.
 
-    The score is -inf if no point lies within the reach of one of them.
+    `cutoffs` are in thresholds, see `plane_moments`. The score is -inf if no point is within one
+    of them.
     """
-    spread = np.empty((3, 3), np.float64)
-    for reach in reaches:
-        sums = plane_moments(x, y, z, weights, sharpness, reach, nx, ny, nz, d)
+    covariance = np.empty((3, 3), np.float64)
+    for cutoff in cutoffs:
+        sums = plane_moments(x, y, z, weights, inverse_thresholds, cutoff, nx, ny, nz, d)
         if sums[0] <= 0.0:
             return nx, ny, nz, d, -math.inf
         k = 4
         for p in range(3):
             for q in range(p, 3):
                 mean_product = sums[1 + p] / sums[0] * (sums[1 + q] / sums[0])
-                spread[p, q] = spread[q, p] = sums[k] / sums[0] - mean_product
+                covariance[p, q] = covariance[q, p] = sums[k] / sums[0] - mean_product
                 k += 1
-        nx, ny, nz = flattest_direction(spread)
+        nx, ny, nz = smallest_eigenvector(covariance)
         d = -(nx * sums[1] + ny * sums[2] + nz * sums[3]) / sums[0]
-    return nx, ny, nz, d, plane_score(x, y, z, weights, sharpness, nx, ny, nz, d)
+    return nx, ny, nz, d, plane_score(x, y, z, weights, inverse_thresholds, nx, ny, nz, d)

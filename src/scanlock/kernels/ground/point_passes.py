@@ -1,4 +1,4 @@
-"""Passes over the points for ground segmentation: turning, lowest points, heights."""
+"""Passes over the points for ground segmentation: rotation, lowest points, heights."""
 
 import math
 
@@ -8,33 +8,34 @@ from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
 _BLOCK = 256
-"""Points that are looked at together; what is known of them stays in the cache."""
+"""Points in a block, few enough for the block to stay in the cache."""
 
 
 @kernel
-def lowest_in_cells(points: Points, cells: Labels, cell_count: int, least: int) -> Labels:
-    """Return the row of the lowest point of each cell, -1 where a cell holds fewer than `least`.
+def lowest_points(points: Points, cells: Labels, cell_count: int, min_count: int) -> Labels:
+    """Return the row of the lowest point of each cell; -1 for cells with fewer than `min_count`.
 
-    Of equally low points the one nearer the origin, then the one of smaller x, then of smaller y
-    is taken, so that the order of the rows does not matter.
+    Among equally low points the one nearest the origin is taken, then the one of smallest x, then
+    of smallest y, so the order of the points does not matter. `cells` (n,) is -1 for points
+    outside the grid.
     """
     n = points.shape[0]
-    floor = np.full(cell_count, math.inf, np.float64)
-    # Neighbours in a scan often share a cell, and each would wait for the one before: the two
-    # halves of the scan take turns.
+    minimum = np.full(cell_count, math.inf, np.float64)
+    # Consecutive points often share a cell, and each update waits for the one before, so the two
+    # halves of the scan alternate.
     half = n - n // 2
     for i in range(half):
         if cells[i] >= 0:
             c = np.uint64(cells[i])
-            floor[c] = min(floor[c], points[i, 2])
+            minimum[c] = min(minimum[c], points[i, 2])
         j = i + half
         if j < n and cells[j] >= 0:
             c = np.uint64(cells[j])
-            floor[c] = min(floor[c], points[j, 2])
-    # Rows are looked for afterwards: minima alone need no branch that is hard to foretell.
+            minimum[c] = min(minimum[c], points[j, 2])
+    # Rows are found afterwards, because minima alone need no branch that is hard to predict.
     lowest = np.full(cell_count, -1, np.int64)
     for i in range(points.shape[0]):
-        if cells[i] < 0 or points[i, 2] != floor[np.uint64(cells[i])]:
+        if cells[i] < 0 or points[i, 2] != minimum[np.uint64(cells[i])]:
             continue
         c = cells[i]
         j = lowest[c]
@@ -48,23 +49,24 @@ def lowest_in_cells(points: Points, cells: Labels, cell_count: int, least: int) 
         lead = xj * xj + yj * yj - xi * xi - yi * yi
         if lead > 0.0 or (lead == 0.0 and (xi < xj or (xi == xj and yi < yj))):
             lowest[c] = i
-    if least > 1:
+    if min_count > 1:
         count = np.zeros(cell_count, np.int64)
         for i in range(n):
             count[np.uint64(max(cells[i], 0))] += cells[i] >= 0
         for k in range(cell_count):
-            if count[k] < least:
+            if count[k] < min_count:
                 lowest[k] = -1
     return lowest
 
 
 @kernel
-def gathered_prototypes(
+def gather_prototypes(
     points: Points, lowest: Labels, sectors: int
 ) -> tuple[Points, Vector, Labels, Labels]:
-    """Return the points in rows `lowest`, their ranges, their cells, and where sectors start.
+    """Return the points of the rows `lowest`, their ranges [m], their cells, and sector starts.
 
-    `lowest` has one row for each cell, sector by sector, -1 for none.
+    `lowest` has one row for each cell, sector by sector; -1 for none. Sector s has the prototypes
+    ``starts[s]:starts[s + 1]``.
     """
     cell_count = lowest.shape[0]
     bins = cell_count // sectors
@@ -91,9 +93,9 @@ def gathered_prototypes(
 
 
 @kernel
-def turned_points(points: Points, rotation: Matrix) -> Points:
-    """Return ``rotation @ p`` of each point."""
-    turned = np.empty(points.shape, np.float64)
+def rotated_points(points: Points, rotation: Matrix) -> Points:
+    """Return ``rotation @ p`` for each of (n, 3) points."""
+    rotated = np.empty(points.shape, np.float64)
     xx, xy, xz = rotation[0, 0], rotation[0, 1], rotation[0, 2]
     yx, yy, yz = rotation[1, 0], rotation[1, 1], rotation[1, 2]
     zx, zy, zz = rotation[2, 0], rotation[2, 1], rotation[2, 2]
@@ -101,10 +103,10 @@ def turned_points(points: Points, rotation: Matrix) -> Points:
         x = points[i, 0]
         y = points[i, 1]
         z = points[i, 2]
-        turned[i, 0] = xx * x + xy * y + xz * z
-        turned[i, 1] = yx * x + yy * y + yz * z
-        turned[i, 2] = zx * x + zy * y + zz * z
-    return turned
+        rotated[i, 0] = xx * x + xy * y + xz * z
+        rotated[i, 1] = yx * x + yy * y + yz * z
+        rotated[i, 2] = zx * x + zy * y + zz * z
+    return rotated
 
 
 @kernel
@@ -115,49 +117,63 @@ def sharp_prototypes(
     cells: Labels,
     plane: Vector,
     near: Vector,
-    reach: float,
-    share: float,
+    far_factor: float,
+    min_ratio: float,
 ) -> Mask:
-    """Tell which of the `lowest` points, in `cells`, have the points of their cell close to them.
+    """Return which prototypes are sharp: most low points of their cell are close to them.
 
-    Of the points that rise less than `reach` times `near` above it, a larger share than `share`
-    must rise less than `near`. Heights are those above `plane`, (a, b, c, d); `near` holds metres,
-    one number for each range bin.
+    Of the points less than ``far_factor * near`` above the prototype, a ratio above `min_ratio`
+    must be less than `near` above it.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    cell_of_point : (n,)
+        -1 for points outside the grid.
+    lowest : (k, 3) [m]
+        Prototypes.
+    cells : (k,)
+        Their cells, ascending.
+    plane : (4,)
+        (a, b, c, d); heights are measured along (a, b, c).
+    near : (bins,) [m]
+        One height for each range bin.
+    far_factor, min_ratio : float
     """
     bins = near.shape[0]
     cell_count = cells[cells.shape[0] - 1] + 1 if cells.shape[0] > 0 else 0
-    # What the points of each cell are compared with: heights at which near, and reach, end.
+    # Heights in each cell below which a point is near, and below which it counts.
     near_end = np.empty(cell_count, np.float64)
-    reach_end = np.empty(cell_count, np.float64)
+    far_end = np.empty(cell_count, np.float64)
     close = np.zeros(cell_count, np.int64)
     within = np.zeros(cell_count, np.int64)
     a = plane[0]
     b = plane[1]
     c = plane[2]
     for j in range(cells.shape[0]):
-        floor = a * lowest[j, 0] + b * lowest[j, 1] + c * lowest[j, 2]
-        near_end[cells[j]] = floor + near[cells[j] % bins]
-        reach_end[cells[j]] = floor + reach * near[cells[j] % bins]
+        own = a * lowest[j, 0] + b * lowest[j, 1] + c * lowest[j, 2]
+        near_end[cells[j]] = own + near[cells[j] % bins]
+        far_end[cells[j]] = own + far_factor * near[cells[j] % bins]
     for i in range(points.shape[0]):
         if cell_of_point[i] < 0 or cell_of_point[i] >= cell_count:
             continue
         k = np.uint64(cell_of_point[i])
         height = a * points[i, 0] + b * points[i, 1] + c * points[i, 2]
-        within[k] += height < reach_end[k]
+        within[k] += height < far_end[k]
         close[k] += height < near_end[k]
     sharp = np.empty(cells.shape[0], np.bool_)
     for j in range(cells.shape[0]):
-        sharp[j] = close[cells[j]] > share * within[cells[j]]
+        sharp[j] = close[cells[j]] > min_ratio * within[cells[j]]
     return sharp
 
 
 @kernel
-def _split_by_height(
+def _classify_heights(
     height: Vector, limits: Vector, limit: float, is_ground: Mask, is_below: Mask
 ) -> tuple[int, int]:
-    """Write which heights are on the ground and below it; see `split_by_knots`.
+    """Write which heights are ground and below ground; return the counts of `classify_points`.
 
-    Apart from where heights come from, loops this simple use vector units.
+    Separate from the loop that computes the heights, because loops this simple use vector units.
     """
     near = 0
     close = 0
@@ -171,24 +187,32 @@ def _split_by_height(
 
 
 @kernel
-def split_by_knots(
+def classify_points(
     points: Points, cells: Labels, plane: Vector, knots: Matrix, limit: float
 ) -> tuple[Vector, Mask, Mask, int, int]:
-    """Return heights above a piecewise linear model, and which points are on it and below it.
+    """Return heights above a piecewise linear ground model, and the points on it and below it.
 
-    `plane` is (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane. A cell
-    has one knot, a row of `knots`: a range, the modelled height above that plane there, the
-    slopes with which the model leaves the knot inwards and outwards, and how close to the model
-    a point of the cell is ground. NaN means no model.
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    cells : (n,)
+        -1 for points outside the grid.
+    plane : (4,)
+        (a, b, c, d) with ``a x + b y + c z + d`` the height above the base plane.
+    knots : (cells, 5)
+        Range of the knot of each cell, height of the model above the base plane there, slopes of
+        the model inwards and outwards from the knot, and largest height of a ground point. NaN
+        where there is no model.
+    limit : float [m]
 
     Returns
     -------
-    height : (n,)
+    height : (n,) [m]
         NaN where there is no model; such a point is none of the following.
     is_ground, is_below : (n,)
-        Within the limit of its cell, and within `limit`; under ``-limit``.
+        Within the limits of the cell and `limit`; below ``-limit``.
     near, close : int
-        Points within three and one `limit`.
+        Number of points within three and one `limit`.
     """
     n = points.shape[0]
     height = np.empty(n, np.float64)
@@ -211,12 +235,12 @@ def split_by_knots(
             x = points[start + i, 0]
             y = points[start + i, 1]
             step = math.sqrt(x * x + y * y) - knots[k, 0]
-            # Both slopes in one formula: a branch on the sign of the step is hard to foretell.
+            # Both slopes in one formula, because the sign of the step is hard to predict.
             model = knots[k, 1] + min(step, 0.0) * knots[k, 2] + max(step, 0.0) * knots[k, 3]
             height[start + i] = a * x + b * y + c * points[start + i, 2] + d - model
             limits[i] = min(limit, knots[k, 4])
         own = slice(start, start + count)
-        both = _split_by_height(height[own], limits, limit, is_ground[own], is_below[own])
-        near += both[0]
-        close += both[1]
+        counts = _classify_heights(height[own], limits, limit, is_ground[own], is_below[own])
+        near += counts[0]
+        close += counts[1]
     return height, is_ground, is_below, near, close

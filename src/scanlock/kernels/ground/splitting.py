@@ -1,4 +1,4 @@
-"""Parts that are too long, cut in two again and again, and the moments of what is left."""
+"""Recursive splitting of clusters along their longest axis, and the moments of the parts."""
 
 import math
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
 
-_ON_THE_PLANE = 1e-9
-"""Share of a part's deviation within which a point counts as on the cutting plane."""
+_PLANE_TOLERANCE = 1e-9
+"""Distance within which a point counts as on the splitting plane, in deviations of the part."""
 
 _Flags = NDArray[np.uint8]
-"""Whether each point is near, as numbers: vector units write these."""
+"""Whether each point is on the near side, as numbers, which vector units can write."""
 
 
 @sum_kernel
 def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
-    """Write the mean (3) and the packed covariance (6) of points; in two passes, as digits go.
+    """Write the mean (3) and the packed covariance (6) of points, in two passes for accuracy.
 
-    Tells whether any point is farther than `radius` from the mean.
+    Return whether any point is farther than `radius` from the mean.
     """
     n = x.shape[0]
     mx = my = mz = 0.0
@@ -42,7 +42,7 @@ def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vecto
         yy += dy * dy
         yz += dy * dz
         zz += dz * dz
-        # Counting uses vector units; the largest distance would not.
+        # Counting uses vector units; a maximum would not.
         beyond += 1.0 if dx * dx + dy * dy + dz * dz > radius * radius else 0.0
     moments[0], moments[1], moments[2] = mx, my, mz
     moments[3], moments[4], moments[5] = xx / n, xy / n, xz / n
@@ -52,7 +52,7 @@ def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vecto
 
 @sum_kernel
 def _reaches_beyond(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
-    """Tell whether any point is farther than `radius` from the mean of known moments."""
+    """Return whether any point is farther than `radius` from the mean in `moments`."""
     mx, my, mz = moments[0], moments[1], moments[2]
     beyond = 0.0
     for i in range(x.shape[0]):
@@ -65,7 +65,7 @@ def _reaches_beyond(x: Vector, y: Vector, z: Vector, radius: float, moments: Vec
 
 @kernel
 def _longest_axis(moments: Vector) -> tuple[float, float, float]:
-    """Return the unit vector of the largest variance; zero where there is no variance."""
+    """Return the unit vector of the largest variance; zero if there is no variance."""
     xx, xy, xz = moments[3], moments[4], moments[5]
     yy, yz, zz = moments[6], moments[7], moments[8]
     trace = xx + yy + zz
@@ -73,7 +73,7 @@ def _longest_axis(moments: Vector) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     xx, xy, xz, yy, yz, zz = xx / trace, xy / trace, xz / trace, yy / trace, yz / trace, zz / trace
     # Squaring the matrix six times is 64 power iterations; its columns then all point along the
-    # longest axis, the one with the largest diagonal most surely. That is at least 3**-64.
+    # longest axis, most accurately the one with the largest diagonal, which is at least 3**-64.
     for _ in range(6):
         xx, xy, xz, yy, yz, zz = (
             xx * xx + xy * xy + xz * xz,
@@ -94,25 +94,22 @@ def _longest_axis(moments: Vector) -> tuple[float, float, float]:
 
 
 @kernel
-def _find_near(x: Vector, y: Vector, z: Vector, moments: Vector, is_near: _Flags) -> None:
-    """Write which points lie on the near side of the cutting plane.
-
-    The plane stands across the longest axis, through the mean.
-    """
+def _mark_near(x: Vector, y: Vector, z: Vector, moments: Vector, is_near: _Flags) -> None:
+    """Mark the points on the near side of the plane through the mean across the longest axis."""
     a, b, c = _longest_axis(moments)
     mx, my, mz = moments[0], moments[1], moments[2]
-    limit = -_ON_THE_PLANE * math.sqrt(moments[3] + moments[6] + moments[8])
+    limit = -_PLANE_TOLERANCE * math.sqrt(moments[3] + moments[6] + moments[8])
     for i in range(x.shape[0]):
         is_near[i] = np.uint8(a * (x[i] - mx) + b * (y[i] - my) + c * (z[i] - mz) < limit)
 
 
 @kernel
-def _part_points(
+def _partition_points(
     x: Vector, y: Vector, z: Vector, is_near: _Flags, to_x: Vector, to_y: Vector, to_z: Vector
 ) -> int:
-    """Copy points, the near ones to the front and the others to the back; count the near."""
+    """Copy points, the near ones to the front and the others to the back; count the near ones."""
     front, back = np.uint64(0), np.uint64(x.shape[0] - 1)
-    # Each is written to both ends, and only one of the two moves on: no branch to guess.
+    # Each point is written to both ends, and only one of them advances: no branch to predict.
     for i in range(x.shape[0]):
         px, py, pz, near = x[i], y[i], z[i], np.uint64(is_near[i])
         to_x[front], to_y[front], to_z[front] = px, py, pz
@@ -123,8 +120,8 @@ def _part_points(
 
 
 @kernel
-def _part_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
-    """Copy the rows of points as `_part_points` copies the points."""
+def _partition_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
+    """Copy the rows of points as `_partition_points` copies the points."""
     front, back = np.uint64(0), np.uint64(rows.shape[0] - 1)
     for i in range(rows.shape[0]):
         row, near = rows[i], np.uint64(is_near[i])
@@ -135,30 +132,30 @@ def _part_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
 
 
 @kernel
-def _cut_in_two(
-    tables: NDArray[np.float64], at: int, begin: int, end: int, moments: Vector, is_near: _Flags
+def _split(
+    tables: NDArray[np.float64], source: int, begin: int, end: int, moments: Vector, is_near: _Flags
 ) -> int:
-    """Copy a run to the other table, its near points first; return where the others begin."""
-    to = 1 - at
-    # Taken row by row, as only then is it clear that they are contiguous.
-    x, y, z = tables[at, 0, begin:end], tables[at, 1, begin:end], tables[at, 2, begin:end]
-    u, v, w = tables[to, 0, begin:end], tables[to, 1, begin:end], tables[to, 2, begin:end]
-    _find_near(x, y, z, moments, is_near)
-    near = _part_points(x, y, z, is_near, u, v, w)
+    """Copy a run to the other table, near points first; return where the others begin."""
+    target = 1 - source
+    # Row by row, because only then the compiler sees that they are contiguous.
+    x, y, z = tables[source, 0, begin:end], tables[source, 1, begin:end], tables[source, 2, begin:end]
+    u, v, w = tables[target, 0, begin:end], tables[target, 1, begin:end], tables[target, 2, begin:end]
+    _mark_near(x, y, z, moments, is_near)
+    near = _partition_points(x, y, z, is_near, u, v, w)
     if tables.shape[1] == 4:
-        _part_rows(tables[at, 3, begin:end], is_near, tables[to, 3, begin:end])
+        _partition_rows(tables[source, 3, begin:end], is_near, tables[target, 3, begin:end])
     return begin + near
 
 
 @kernel
-def _by_part(
+def _sorted_by_label(
     points: Points, labels: Labels, parts: int, keeps_rows: bool
 ) -> tuple[Labels, NDArray[np.float64]]:
-    """Return where each part begins, and two times 3 or 4 rows: coordinates sorted by part.
+    """Return where each part begins, and two tables (2, 3 or 4, n) of coordinates sorted by part.
 
-    The fourth row holds the rows of `points`; the second three or four are left empty.
+    A fourth row of the first table holds the rows of `points`. The second table is empty.
     """
-    # Labels of -1 count in the first place, which no part needs.
+    # Labels of -1 count in the first entry, which no part uses.
     starts = np.zeros(parts + 2, np.int64)
     for i in range(points.shape[0]):
         starts[np.uint64(labels[i] + 2)] += 1
@@ -170,24 +167,24 @@ def _by_part(
     cursor = starts[1:].copy()
     for i in range(points.shape[0]):
         if labels[i] >= 0:
-            place = cursor[labels[i]]
+            at = cursor[labels[i]]
             cursor[labels[i]] += 1
-            x[place], y[place], z[place] = points[i, 0], points[i, 1], points[i, 2]
+            x[at], y[at], z[at] = points[i, 0], points[i, 1], points[i, 2]
             if keeps_rows:
-                tables[0, 3, place] = i
+                tables[0, 3, at] = i
     return starts[1:], tables
 
 
 @kernel
-def cut_by_extent(
+def split_by_extent(
     points: Points, labels: Labels, parts: int, radii: Vector, keeps_rows: bool
 ) -> tuple[Labels, Labels, Matrix]:
-    """Cut parts until none has a point farther than a radius from its mean, for each radius.
+    """Split parts until no point is farther than a radius from the mean of its part.
 
-    A part that has is cut in two by the plane through its mean across its longest axis, again
-    and again. Each cut depends only on the set of points, so neither their order nor the
-    numbering of the parts changes which points stay together; points on the plane, but for
-    rounding, go to the far side. Cutting to a smaller radius goes on from the larger one.
+    A larger part is split in two by the plane through its mean across its longest axis,
+    recursively. Each split depends only on the set of points, so neither their order nor the
+    numbering of the parts changes which points stay together; points on the plane, to rounding,
+    go to the far side. Splitting to a smaller radius continues from the larger one.
 
     Parameters
     ----------
@@ -198,45 +195,45 @@ def cut_by_extent(
     radii : (r,) [m]
         Descending.
     keeps_rows : bool
-        Whether to say which points the parts are made of; it takes time.
+        Whether to return `rows`, which takes time.
 
     Returns
     -------
     rows : (m,)
-        The rows of all points that belong to a part, in an order in which all parts are runs;
-        none unless asked for.
+        Rows of all labelled points, in an order in which every part is a run; empty unless
+        `keeps_rows`.
     runs : (k, 3)
-        The index of a radius, where a part cut to it begins in `rows`, and where it ends.
+        Index of a radius, and where a part for this radius begins and ends in `rows`.
     moments : (k, 9)
         Mean (3) [m] and packed covariance (6) [m^2] of each run, divided by the count.
     """
-    # What is cut goes from one of the two tables to the other, and the next time back.
-    starts, tables = _by_part(points, labels, parts, keeps_rows)
+    # A split copies a run from one of the two tables to the other.
+    starts, tables = _sorted_by_label(points, labels, parts, keeps_rows)
     n = tables.shape[2]
     rows = np.empty(n if keeps_rows else 0, np.int64)
     runs = np.empty((max(16, 4 * parts), 3), np.int64)
     moments = np.empty((runs.shape[0], 9), np.float64)
     own = np.empty(9, np.float64)
     is_near = np.empty(n, np.uint8)
-    # A stack of runs still to be cut or kept: the radius they are cut to next, where they begin
-    # and end, and their table; a run of one point is never cut.
-    waiting = np.empty((n + 1, 4), np.int64)
+    # Stack of runs to be split or kept: index of the next radius, begin, end, and table. A run of
+    # one point is never split.
+    stack = np.empty((n + 1, 4), np.int64)
     found = 0
     for k in range(parts):
-        waiting[0, 0], waiting[0, 1], waiting[0, 2], waiting[0, 3] = 0, starts[k], starts[k + 1], 0
+        stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, starts[k], starts[k + 1], 0
         depth = 1 if starts[k] < starts[k + 1] else 0
         while depth > 0:
             depth -= 1
-            scale, begin, end, at = waiting[depth]
-            x, y, z = tables[at, 0, begin:end], tables[at, 1, begin:end], tables[at, 2, begin:end]
+            scale, begin, end, table = stack[depth]
+            x, y, z = tables[table, 0, begin:end], tables[table, 1, begin:end], tables[table, 2, begin:end]
             is_long = _fill_moments(x, y, z, float(radii[scale]), own)
             while scale < radii.shape[0]:
                 if is_long:
-                    middle = _cut_in_two(tables, at, begin, end, own, is_near)
+                    middle = _split(tables, table, begin, end, own, is_near)
                     if begin < middle < end:
                         for first, last in ((begin, middle), (middle, end)):
-                            waiting[depth, 0], waiting[depth, 1] = scale, first
-                            waiting[depth, 2], waiting[depth, 3] = last, 1 - at
+                            stack[depth, 0], stack[depth, 1] = scale, first
+                            stack[depth, 2], stack[depth, 3] = last, 1 - table
                             depth += 1
                         break
                 if found == runs.shape[0]:
@@ -251,5 +248,5 @@ def cut_by_extent(
                     is_long = _reaches_beyond(x, y, z, float(radii[scale]), own)
                 elif keeps_rows:
                     for p in range(begin, end):
-                        rows[p] = np.int64(tables[at, 3, p])
+                        rows[p] = np.int64(tables[table, 3, p])
     return rows, runs[:found].copy(), moments[:found].copy()

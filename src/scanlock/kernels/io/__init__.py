@@ -1,1 +1,4 @@
-"""Kernels of file formats."""
+"""Kernels of file formats: compression and decompression of bytes.
+
+Kernels on the points that a file contains belong to `kernels.points`.
+"""

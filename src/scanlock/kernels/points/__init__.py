@@ -1,1 +1,4 @@
-"""Kernels on points: search trees, voxels, neighbourhoods."""
+"""Kernels on the points of one scan: search trees, voxels, polar cells, neighbourhoods, moments.
+
+Kernels that know ground or clusters belong to `kernels.ground`.
+"""

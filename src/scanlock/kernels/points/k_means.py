@@ -1,4 +1,4 @@
-"""Where k-means begins: seeds that are spread over the points."""
+"""Initial centres of k-means."""
 
 import numpy as np
 
@@ -7,11 +7,12 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def spread_seeds(points: Points, draws: Vector) -> Labels:
-    """Return a row of the points for each of (k,) draws from [0, 1), by k-means++.
+def kmeans_plusplus(points: Points, draws: Vector) -> Labels:
+    """Return a row of (n, 3) points for each of (k,) draws from [0, 1), by k-means++.
 
-    The first row is drawn evenly, each further one in proportion to its squared distance to the
-    rows drawn so far (Arthur and Vassilvitskii 2007). Where all points are drawn already, 0.
+    The first row is drawn uniformly, each further one with a probability proportional to its
+    squared distance to the rows drawn so far (Arthur and Vassilvitskii 2007). It is 0 if all
+    points coincide with drawn ones.
     """
     n = points.shape[0]
     rows = np.zeros(draws.shape[0], np.int64)
@@ -20,14 +21,14 @@ def spread_seeds(points: Points, draws: Vector) -> Labels:
     for s in range(draws.shape[0]):
         row = min(int(draws[s] * n), n - 1) if s == 0 else 0
         if s > 0:
-            # The last row with a distance at all stands in where rounding leaves the sum short.
-            mark = draws[s] * total
+            # The last row with a positive distance is taken where rounding leaves the sum short.
+            target = draws[s] * total
             passed = 0.0
             for i in range(n):
                 if squared[i] > 0.0:
                     row = i
                     passed += squared[i]
-                    if passed > mark:
+                    if passed > target:
                         break
         rows[s] = row
         x, y, z = points[row, 0], points[row, 1], points[row, 2]

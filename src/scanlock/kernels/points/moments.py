@@ -1,4 +1,4 @@
-"""Moments of labelled points."""
+"""Means and covariances of labelled points."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def labelled_means(points: Points, labels: Labels, parts: int) -> tuple[Labels, Matrix]:
-    """Return count (k,) and mean (k, 3) of the points under each label.
+def labelled_means(points: Points, labels: Labels, groups: int) -> tuple[Labels, Matrix]:
+    """Return the count (k,) and mean (k, 3) [m] of the points of each label.
 
-    Negative labels are skipped; an empty part has a zero mean.
+    Negative labels are skipped; the mean of an empty group is zero.
     """
-    counts = np.zeros(parts, np.int64)
-    means = np.zeros((parts, 3))
+    counts = np.zeros(groups, np.int64)
+    means = np.zeros((groups, 3))
     for i in range(points.shape[0]):
         k = labels[i]
         if k < 0:
@@ -22,7 +22,7 @@ def labelled_means(points: Points, labels: Labels, parts: int) -> tuple[Labels, 
         means[k, 0] += points[i, 0]
         means[k, 1] += points[i, 1]
         means[k, 2] += points[i, 2]
-    for k in range(parts):
+    for k in range(groups):
         if counts[k] > 0:
             for a in range(3):
                 means[k, a] /= counts[k]
@@ -30,15 +30,15 @@ def labelled_means(points: Points, labels: Labels, parts: int) -> tuple[Labels, 
 
 
 @kernel
-def labelled_moments(points: Points, labels: Labels, parts: int) -> tuple[Labels, Matrix, Matrix]:
-    """Return count (k,), mean (k, 3) and covariance (k, 6) of the points under each label.
+def labelled_moments(points: Points, labels: Labels, groups: int) -> tuple[Labels, Matrix, Matrix]:
+    """Return the count (k,), mean (k, 3) [m] and covariance (k, 6) [m^2] of each label's points.
 
-    Covariances are packed as xx, xy, xz, yy, yz, zz and divided by the count. Two passes, so
-    that parts far from zero lose no digits. Negative labels are skipped; an empty part has
-    zero moments.
+    Covariances are packed as xx, xy, xz, yy, yz, zz and divided by the count. They are computed
+    in two passes, which lose no digits far from the origin. Negative labels are skipped; the
+    moments of an empty group are zero.
     """
-    counts, means = labelled_means(points, labels, parts)
-    covariances = np.zeros((parts, 6))
+    counts, means = labelled_means(points, labels, groups)
+    covariances = np.zeros((groups, 6))
     for i in range(points.shape[0]):
         k = labels[i]
         if k < 0:
@@ -52,7 +52,7 @@ def labelled_moments(points: Points, labels: Labels, parts: int) -> tuple[Labels
         covariances[k, 3] += y * y
         covariances[k, 4] += y * z
         covariances[k, 5] += z * z
-    for k in range(parts):
+    for k in range(groups):
         if counts[k] > 0:
             for a in range(6):
                 covariances[k, a] /= counts[k]

@@ -1,4 +1,4 @@
-"""Numbers along a curve that fills space, so that sorting by them keeps neighbours together."""
+"""Morton codes (Z-order): sorting by them keeps neighbours in space together."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from scanlock.arrays import Labels, Points
 from scanlock.kernels._compile import kernel
 
 _CELLS = 1023.0
-"""Along a side of the cube around all points: ten bits for each axis."""
+"""Cells along a side of the bounding cube, for ten bits per axis."""
 
 
 @kernel
-def _spread(bits: int) -> int:
-    """Return ten bits with two zeros after each."""
+def _interleaved(bits: int) -> int:
+    """Return ten bits with two zero bits after each."""
     bits = (bits | (bits << 16)) & 0x30000FF
     bits = (bits | (bits << 8)) & 0x300F00F
     bits = (bits | (bits << 4)) & 0x30C30C3
@@ -20,7 +20,7 @@ def _spread(bits: int) -> int:
 
 @kernel
 def morton_codes(points: Points) -> Labels:
-    """Return the number of each point's cell along Morton's curve, which nests cubes in cubes."""
+    """Return the (n,) Morton codes of (n, 3) points, with ten bits per axis of their bounding cube."""
     codes = np.empty(points.shape[0], np.int64)
     if points.shape[0] == 0:
         return codes
@@ -31,5 +31,5 @@ def morton_codes(points: Points) -> Labels:
         x = int((points[i, 0] - low[0]) * scale)
         y = int((points[i, 1] - low[1]) * scale)
         z = int((points[i, 2] - low[2]) * scale)
-        codes[i] = _spread(x) | (_spread(y) << 1) | (_spread(z) << 2)
+        codes[i] = _interleaved(x) | (_interleaved(y) << 1) | (_interleaved(z) << 2)
     return codes

@@ -1,4 +1,4 @@
-"""Choosing rows of points."""
+"""Selection of points by a mask."""
 
 import numpy as np
 
@@ -7,27 +7,27 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def is_off_zero(points: Points) -> Mask:
-    """Return which points lie anywhere but at exactly (0, 0, 0)."""
-    is_off = np.empty(points.shape[0], np.bool_)
+def is_nonzero(points: Points) -> Mask:
+    """Return which of (n, 3) points differ from exactly (0, 0, 0)."""
+    found = np.empty(points.shape[0], np.bool_)
     for i in range(points.shape[0]):
-        is_off[i] = points[i, 0] != 0.0 or points[i, 1] != 0.0 or points[i, 2] != 0.0
-    return is_off
+        found[i] = points[i, 0] != 0.0 or points[i, 1] != 0.0 or points[i, 2] != 0.0
+    return found
 
 
 @kernel
-def chosen_points(points: Points, is_chosen: Mask) -> Points:
-    """Return the (m, 3) points for which the mask holds, in order."""
+def selected_points(points: Points, mask: Mask) -> Points:
+    """Return the (m, 3) points for which the mask (n,) is true, in order."""
     count = 0
     for i in range(points.shape[0]):
-        count += is_chosen[i]
-    # One row more, for the last points when none of them is chosen: each is written where the
-    # next chosen one belongs, and only a chosen one stays. That leaves no branch to guess.
-    chosen = np.empty((count + 1, 3), np.float64)
-    place = np.uint64(0)
+        count += mask[i]
+    # Each point is written to the next free row, and kept only if selected: no branch to predict.
+    # One more row takes the last points that are not.
+    selected = np.empty((count + 1, 3), np.float64)
+    row = np.uint64(0)
     for i in range(points.shape[0]):
-        chosen[place, 0] = points[i, 0]
-        chosen[place, 1] = points[i, 1]
-        chosen[place, 2] = points[i, 2]
-        place += np.uint64(is_chosen[i])
-    return chosen[:count]
+        selected[row, 0] = points[i, 0]
+        selected[row, 1] = points[i, 1]
+        selected[row, 2] = points[i, 2]
+        row += np.uint64(mask[i])
+    return selected[:count]

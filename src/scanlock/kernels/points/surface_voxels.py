@@ -1,4 +1,4 @@
-"""Means of points, and of the covariances of their surfaces, by the voxel."""
+"""Mean points and mean surface covariances of voxels."""
 
 import numpy as np
 
@@ -7,11 +7,14 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def voxel_surfaces(
+def voxel_averages(
     points: Points, covariances: Matrix, labels: Labels, count: int
 ) -> tuple[Points, Matrix]:
-    """Return the mean (count, 3) of the points and (count, 6) of the covariances of each label."""
-    means, spreads = np.zeros((count, 3)), np.zeros((count, 6))
+    """Return the mean (count, 3) of the points and (count, 6) of the covariances of each voxel.
+
+    `labels` (n,) are the voxels of the points, numbered from 0 without gaps.
+    """
+    means, mean_covariances = np.zeros((count, 3)), np.zeros((count, 6))
     sizes = np.zeros(count, np.int64)
     for p in range(points.shape[0]):
         row = labels[p]
@@ -19,10 +22,10 @@ def voxel_surfaces(
         for axis in range(3):
             means[row, axis] += points[p, axis]
         for entry in range(6):
-            spreads[row, entry] += covariances[p, entry]
+            mean_covariances[row, entry] += covariances[p, entry]
     for row in range(count):
         for axis in range(3):
             means[row, axis] /= sizes[row]
         for entry in range(6):
-            spreads[row, entry] /= sizes[row]
-    return means, spreads
+            mean_covariances[row, entry] /= sizes[row]
+    return means, mean_covariances

@@ -1,4 +1,4 @@
-"""Shape of the surface around each point: the scatter of its neighbours."""
+"""Covariances of the neighbours of points."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from scanlock.kernels._compile import kernel
 def neighbour_covariances(points: Points, neighbours: Labels) -> Matrix:
     """Return the (n, 6) covariances of the points in each row of `neighbours` (n, k).
 
-    Packed as xx, xy, xz, yy, yz, zz and divided by k. Coordinates are taken about the row's
-    first neighbour, so that surfaces far from zero lose no digits.
+    Packed as xx, xy, xz, yy, yz, zz [m^2] and divided by k. Coordinates are relative to the first
+    neighbour of the row, which loses no digits far from the origin.
     """
     n, k = neighbours.shape
     covariances = np.empty((n, 6))

@@ -1,124 +1,103 @@
-"""Which cube of a grid each point lies in, found by hashing."""
+"""Voxels of points, found by hashing, their centroids and their order."""
 
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
-
-_LOW_BITS = (1 << 20) - 1
-"""What the hash takes of an index, so that no product overflows."""
+from scanlock.kernels._inline import find_voxel
 
 _BLOCK = 256
-"""Points whose cubes are computed at a time, for the sake of vector units."""
+"""Points whose voxels are computed together, in loops that use vector units."""
 
-_FIRST_ROOM = 1024
-"""Cubes there is room for at first."""
+_CAPACITY = 1024
+"""Initial capacity in voxels."""
 
-_LARGEST_KEY = 2.0**62
-"""Boxes of fewer cubes than this can be numbered, which sorts faster than three columns."""
-
-
-@kernel
-def _slot(i: int, j: int, k: int, last: int) -> int:
-    """Return where the search for a cube begins (Teschner et al. 2003)."""
-    return (
-        ((i & _LOW_BITS) * 73856093) ^ ((j & _LOW_BITS) * 19349663) ^ ((k & _LOW_BITS) * 83492791)
-    ) & last
+_MAX_KEY = 2.0**62
+"""Boxes of fewer voxels than this can be numbered, which sorts faster than three columns."""
 
 
 @kernel
-def _find(table: Labels, cells: Labels, i: int, j: int, k: int) -> int:
-    """Return the slot of a cube: where its row is, or the empty one where it belongs."""
-    last = table.shape[0] - 1
-    slot = _slot(i, j, k, last)
-    row = table[slot]
-    while row >= 0 and not (cells[row, 0] == i and cells[row, 1] == j and cells[row, 2] == k):
-        slot = (slot + 1) & last
-        row = table[slot]
-    return slot
-
-
-@kernel
-def _wider_table(cells: Labels, count: int) -> Labels:
-    """Return the table of `count` cubes with room for as many again."""
+def _larger_table(voxels: Labels, count: int) -> Labels:
+    """Return the hash table of `count` voxels with room for as many again."""
     table = np.full(8 * count, -1, np.int64)
     for row in range(count):
-        table[_find(table, cells, cells[row, 0], cells[row, 1], cells[row, 2])] = row
+        slot, _ = find_voxel(table, voxels, voxels[row, 0], voxels[row, 1], voxels[row, 2])
+        table[slot] = row
     return table
 
 
 @kernel
-def _cubes(
-    points: Points, start: int, corner: Vector, width: float, place: Matrix, at: Labels
+def _indices_of_block(
+    points: Points, start: int, corner: Vector, voxel_size: float, scratch: Matrix, indices: Labels
 ) -> None:
-    """Write the indices (3, b) of the cubes of the points from `start` on; `place` is scratch."""
-    count = min(at.shape[1], points.shape[0] - start)
+    """Write the voxel indices (3, b) of a block of points."""
+    count = min(indices.shape[1], points.shape[0] - start)
     for p in range(count):
-        place[0, p] = points[start + p, 0]
-        place[1, p] = points[start + p, 1]
-        place[2, p] = points[start + p, 2]
+        scratch[0, p] = points[start + p, 0]
+        scratch[1, p] = points[start + p, 1]
+        scratch[2, p] = points[start + p, 2]
     for axis in range(3):
-        for p in range(at.shape[1]):
-            at[axis, p] = np.int64(np.floor((place[axis, p] - corner[axis]) / width))
+        for p in range(indices.shape[1]):
+            indices[axis, p] = np.int64(np.floor((scratch[axis, p] - corner[axis]) / voxel_size))
 
 
 @kernel
 def _label_points(
-    points: Points, begin: int, corner: Vector, width: float, labels: Labels,
-    cells: Labels, table: Labels, count: int,
+    points: Points, begin: int, corner: Vector, voxel_size: float, labels: Labels,
+    voxels: Labels, table: Labels, count: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Label points from row `begin` on until there is no room for a new cube.
+    """Label points from row `begin` on until there is no room for a new voxel.
 
-    Return the row that comes next, and how many cubes there are now. Arrays that a loop may
-    replace by longer ones are counted anew at each of its rounds, which costs more than all
-    else; so the loop ends, and its caller makes them longer.
+    Return the next row and the number of voxels. The caller makes room: a loop that may replace
+    an array by a longer one updates its reference count in each iteration, which costs more than
+    all the rest.
     """
     n = points.shape[0]
-    place = np.zeros((3, _BLOCK), np.float64)
-    at = np.empty((3, _BLOCK), np.int64)
+    scratch = np.zeros((3, _BLOCK), np.float64)
+    indices = np.empty((3, _BLOCK), np.int64)
     row = -1
     for start in range(begin, n, _BLOCK):
-        _cubes(points, start, corner, width, place, at)
+        _indices_of_block(points, start, corner, voxel_size, scratch, indices)
         for p in range(min(_BLOCK, n - start)):
-            i, j, k = at[0, p], at[1, p], at[2, p]
-            # Neighbours in a scan mostly share a cube.
-            if row < 0 or cells[row, 0] != i or cells[row, 1] != j or cells[row, 2] != k:
-                slot = _find(table, cells, i, j, k)
-                row = table[slot]
+            i, j, k = indices[0, p], indices[1, p], indices[2, p]
+            # Consecutive points mostly share a voxel.
+            if row < 0 or voxels[row, 0] != i or voxels[row, 1] != j or voxels[row, 2] != k:
+                slot, row = find_voxel(table, voxels, i, j, k)
                 if row < 0:
-                    if count == cells.shape[0]:
+                    if count == voxels.shape[0]:
                         return start + p, count
                     row = count
                     table[slot] = row
-                    cells[row, 0], cells[row, 1], cells[row, 2] = i, j, k
+                    voxels[row, 0], voxels[row, 1], voxels[row, 2] = i, j, k
                     count += 1
             labels[start + p] = row
     return n, count
 
 
 @kernel
-def occupied_voxels(points: Points, corner: Vector, width: float) -> tuple[Labels, Labels]:
-    """Return the cube (n,) of each point, and the (m, 3) indices of the cubes with points.
+def occupied_voxels(points: Points, corner: Vector, voxel_size: float) -> tuple[Labels, Labels]:
+    """Return the voxel (n,) of each point, and the (m, 3) indices of the occupied voxels.
 
-    Cubes are numbered in the order of their first points. The table of the hash begins small
-    and is widened as it fills, so a scan of few cubes stays in the cache.
+    Voxels are numbered in the order of their first points; voxel (0, 0, 0) begins at `corner` [m].
+    The hash table starts small and grows as it fills, so it stays in the cache for scans of few
+    voxels.
     """
     labels = np.empty(points.shape[0], np.int64)
-    cells = np.empty((_FIRST_ROOM, 3), np.int64)
-    table = np.full(4 * _FIRST_ROOM, -1, np.int64)
-    done, count = _label_points(points, 0, corner, width, labels, cells, table, 0)
+    voxels = np.empty((_CAPACITY, 3), np.int64)
+    table = np.full(4 * _CAPACITY, -1, np.int64)
+    done, count = _label_points(points, 0, corner, voxel_size, labels, voxels, table, 0)
     while done < points.shape[0]:
-        cells = np.concatenate((cells, np.empty_like(cells)))
-        table = _wider_table(cells, count)
-        done, count = _label_points(points, done, corner, width, labels, cells, table, count)
-    return labels, cells[:count].copy()
+        voxels = np.concatenate((voxels, np.empty_like(voxels)))
+        table = _larger_table(voxels, count)
+        done, count = _label_points(points, done, corner, voxel_size, labels, voxels, table, count)
+    return labels, voxels[:count].copy()
 
 
 @kernel
-def voxel_middles(points: Points, labels: Labels, count: int) -> Points:
-    """Return the mean of the points in each of `count` cubes, numbered by `occupied_voxels`.
+def voxel_centroids(points: Points, labels: Labels, count: int) -> Points:
+    """Return the centroid [m] of the points in each of `count` voxels of `occupied_voxels`.
 
-    Sums are taken about the first point of a cube, so no digits are lost far from zero.
+    Offsets are relative to the first point of a voxel, which loses no digits far from the origin.
     """
     firsts, sums, sizes = np.empty((count, 3)), np.zeros((count, 3)), np.zeros(count, np.int64)
     seen = 0
@@ -139,25 +118,25 @@ def voxel_middles(points: Points, labels: Labels, count: int) -> Points:
 
 
 @kernel
-def ascending_keys(cells: Labels) -> Labels:
-    """Return (m,) numbers that ascend with (m, 3) indices, by the first, then the second.
+def row_major_keys(voxels: Labels) -> Labels:
+    """Return the (m,) row-major numbers of (m, 3) voxel indices within their bounding box.
 
-    None at all where the box of the indices has too many cubes to be numbered.
+    The result is empty if the box has too many voxels to be numbered.
     """
     none = np.empty(0, np.int64)
-    if cells.shape[0] == 0:
+    if voxels.shape[0] == 0:
         return none
-    least0, least1, least2 = cells[0, 0], cells[0, 1], cells[0, 2]
-    most0, most1, most2 = least0, least1, least2
-    for m in range(cells.shape[0]):
-        least0, most0 = min(least0, cells[m, 0]), max(most0, cells[m, 0])
-        least1, most1 = min(least1, cells[m, 1]), max(most1, cells[m, 1])
-        least2, most2 = min(least2, cells[m, 2]), max(most2, cells[m, 2])
-    side0, side1, side2 = most0 - least0 + 1, most1 - least1 + 1, most2 - least2 + 1
-    if float(side0) * float(side1) * float(side2) >= _LARGEST_KEY:
+    min0, min1, min2 = voxels[0, 0], voxels[0, 1], voxels[0, 2]
+    max0, max1, max2 = min0, min1, min2
+    for m in range(voxels.shape[0]):
+        min0, max0 = min(min0, voxels[m, 0]), max(max0, voxels[m, 0])
+        min1, max1 = min(min1, voxels[m, 1]), max(max1, voxels[m, 1])
+        min2, max2 = min(min2, voxels[m, 2]), max(max2, voxels[m, 2])
+    side0, side1, side2 = max0 - min0 + 1, max1 - min1 + 1, max2 - min2 + 1
+    if float(side0) * float(side1) * float(side2) >= _MAX_KEY:
         return none
-    keys = np.empty(cells.shape[0], np.int64)
-    for m in range(cells.shape[0]):
-        i, j, k = cells[m, 0] - least0, cells[m, 1] - least1, cells[m, 2] - least2
+    keys = np.empty(voxels.shape[0], np.int64)
+    for m in range(voxels.shape[0]):
+        i, j, k = voxels[m, 0] - min0, voxels[m, 1] - min1, voxels[m, 2] - min2
         keys[m] = (i * side1 + j) * side2 + k
     return keys

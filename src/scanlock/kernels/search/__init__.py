@@ -1,1 +1,4 @@
-"""Kernels of the global search."""
+"""Kernels of the global search for a pose: BEV grids, ground alignment, cluster matching.
+
+Kernels that judge a pose belong to `kernels.verification`.
+"""

@@ -1,7 +1,7 @@
-"""How far a scan saw in every direction, on the six faces of a cube around its origin.
+"""Range image of a scan on the six faces of a cube around its origin, and free-space violation.
 
-A direction falls on the face of its largest component; the other two, divided by it, are the
-place on the face. That takes no arc tangent, and the bins are equal to a factor of two.
+A direction belongs to the face of its largest component; the other two components, divided by it,
+are the position on the face. This needs no arc tangent, and bins are equal to a factor of two.
 """
 
 import math
@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
+from scanlock.kernels._inline import nine, transformed, triple
 
 _BLOCK = 256
-"""Points whose bins are computed at a time, for the sake of vector units."""
+"""Points whose bins are computed together, in loops that use vector units."""
 
 
 @kernel
-def _place(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
-    """Return the face, row and column of the bin of a direction that is not zero."""
+def _bin_of(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
+    """Return the face, row and column of the bin of a direction other than zero."""
     a, b, c = abs(x), abs(y), abs(z)
     if a >= b and a >= c:
         face, depth, u, v = 0 if x > 0.0 else 1, a, y, z
@@ -33,22 +34,22 @@ def _place(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
 
 
 @kernel
-def _place_block(
-    points: Points, start: int, side: int, place: Vector, bins: NDArray[np.int32], squares: Vector
+def _bin_block(
+    points: Points, start: int, side: int, scratch: Vector, bins: NDArray[np.int32], squares: Vector
 ) -> None:
-    """Write the bin, -1 without one, and squared range of the points from `start` on.
+    """Write the bin and the squared range of a block of points; the bin of zero is -1.
 
-    As `_place`, without a branch; `place` is scratch.
+    As `_bin_of`, without a branch.
     """
     count = min(_BLOCK, points.shape[0] - start)
     for p in range(count):
-        place[p] = points[start + p, 0]
-        place[_BLOCK + p] = points[start + p, 1]
-        place[2 * _BLOCK + p] = points[start + p, 2]
+        scratch[p] = points[start + p, 0]
+        scratch[_BLOCK + p] = points[start + p, 1]
+        scratch[2 * _BLOCK + p] = points[start + p, 2]
     half = 0.5 * side
     last = side - 1.0
     for p in range(_BLOCK):
-        x, y, z = place[p], place[_BLOCK + p], place[2 * _BLOCK + p]
+        x, y, z = scratch[p], scratch[_BLOCK + p], scratch[2 * _BLOCK + p]
         a, b, c = abs(x), abs(y), abs(z)
         squared = x * x + y * y + z * z
         depth = max(a, max(b, c))
@@ -69,54 +70,54 @@ def _place_block(
 
 
 @kernel
-def nearest_ranges(points: Points, side: int) -> NDArray[np.float64]:
-    """Return the (6, side, side) ranges of the nearest point in each bin, infinite without any.
+def build_range_image(points: Points, side: int) -> NDArray[np.float64]:
+    """Return the (6, side, side) smallest range [m] in each bin, infinite in empty bins.
 
-    Points at zero have no direction and are left out.
+    Points (n, 3) [m] at zero have no direction and are left out.
     """
     n = points.shape[0]
     ranges = np.full(6 * side * side, math.inf)
-    place, squares = np.zeros(3 * _BLOCK), np.zeros(_BLOCK)
+    scratch, squares = np.zeros(3 * _BLOCK), np.zeros(_BLOCK)
     bins = np.zeros(_BLOCK, np.int32)
     for start in range(0, n, _BLOCK):
-        _place_block(points, start, side, place, bins, squares)
+        _bin_block(points, start, side, scratch, bins, squares)
         for p in range(min(_BLOCK, n - start)):
             if bins[p] >= 0:
                 ranges[bins[p]] = min(ranges[bins[p]], squares[p])
-    for one in range(ranges.shape[0]):
-        ranges[one] = math.sqrt(ranges[one])
+    for b in range(ranges.shape[0]):
+        ranges[b] = math.sqrt(ranges[b])
     return ranges.reshape((6, side, side))
 
 
 @kernel
-def nearest_around(ranges: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
-    """Return the least range among the bins at most `reach` away on the same face.
+def minimum_filtered(ranges: NDArray[np.float64], radius: int) -> NDArray[np.float64]:
+    """Return the smallest range [m] within `radius` rows and columns on the same face.
 
-    Bins without a point of their own stay infinite: nothing is known there.
+    Empty bins stay infinite. `ranges` is (6, side, side) [m].
     """
     side = ranges.shape[1]
-    around = np.empty(ranges.shape)
+    filtered = np.empty(ranges.shape)
     in_row = np.empty((side, side))
-    # The least of a square is that of the least of its rows.
+    # The minimum over a square is the minimum over the minima of its rows.
     for face in range(6):
         for i in range(side):
             for j in range(side):
                 in_row[i, j] = ranges[face, i, j]
-            for shift in range(1, min(reach, side - 1) + 1):
+            for shift in range(1, min(radius, side - 1) + 1):
                 for j in range(side - shift):
                     in_row[i, j] = min(in_row[i, j], ranges[face, i, j + shift])
                 for j in range(shift, side):
                     in_row[i, j] = min(in_row[i, j], ranges[face, i, j - shift])
         for i in range(side):
             for j in range(side):
-                around[face, i, j] = in_row[i, j]
-            for k in range(max(0, i - reach), min(side, i + reach + 1)):
+                filtered[face, i, j] = in_row[i, j]
+            for k in range(max(0, i - radius), min(side, i + radius + 1)):
                 for j in range(side):
-                    around[face, i, j] = min(around[face, i, j], in_row[k, j])
+                    filtered[face, i, j] = min(filtered[face, i, j], in_row[k, j])
             for j in range(side):
                 own = ranges[face, i, j]
-                around[face, i, j] = around[face, i, j] if own < math.inf else math.inf
-    return around
+                filtered[face, i, j] = filtered[face, i, j] if own < math.inf else math.inf
+    return filtered
 
 
 @kernel
@@ -127,37 +128,50 @@ def free_space_violation(
     rotation: Matrix,
     translation: Vector,
     margin: float,
-    share: float,
+    margin_ratio: float,
     hidden_margin: float,
-    hidden_share: float,
+    hidden_margin_ratio: float,
 ) -> tuple[int, float, float]:
-    """Return how many points could be seen, their weight, and the weight of those well before.
+    """Return the number and weight of the points a sensor can see, and the weight in free space.
 
-    In a bin that knows a range R, a point at range r could be seen unless it is well behind,
-    ``r > R + hidden_margin + hidden_share * R``; it is well before where
-    ``r < R - margin - share * R``.
+    With the measured range R in its bin, a point at range r is visible unless it is hidden,
+    ``r > R + hidden_margin + hidden_margin_ratio * R``. It is in free space if
+    ``r < R - margin - margin_ratio * R``. Points in empty bins do not count.
+
+    Parameters
+    ----------
+    ranges : (6, side, side) [m]
+    points : (n, 3) [m]
+    weights : (n,)
+    rotation, translation : (3, 3), (3,) [m]
+        Pose of the points in the frame of the range image.
+    margin, hidden_margin : float [m]
+    margin_ratio, hidden_margin_ratio : float
+
+    Returns
+    -------
+    count : int
+    visible_weight, violating_weight : float
     """
     side = ranges.shape[1]
     count = 0
-    known = 0.0
-    before = 0.0
+    visible = 0.0
+    violating = 0.0
     for p in range(points.shape[0]):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        u = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z + translation[0]
-        v = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2] * z + translation[1]
-        w = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2] * z + translation[2]
+        u, v, w = transformed(nine(rotation), triple(translation), x, y, z)
         squared = u * u + v * v + w * w
         if squared == 0.0:
             continue
-        face, row, column = _place(u, v, w, side)
-        seen = ranges[face, row, column]
-        if math.isinf(seen):
+        face, row, column = _bin_of(u, v, w, side)
+        measured = ranges[face, row, column]
+        if math.isinf(measured):
             continue
         distance = math.sqrt(squared)
-        if distance > seen + hidden_margin + hidden_share * seen:
+        if distance > measured + hidden_margin + hidden_margin_ratio * measured:
             continue
         count += 1
-        known += weights[p]
-        if distance < seen - margin - share * seen:
-            before += weights[p]
-    return count, known, before
+        visible += weights[p]
+        if distance < measured - margin - margin_ratio * measured:
+            violating += weights[p]
+    return count, visible, violating
