@@ -96,17 +96,17 @@ def test_every_kernel_is_compiled_for_one_signature(method):
     assert set(signatures.values()) <= {"0", "1"}
     used = {
         "points.polar.polar_cells",
-        "points.neighbourhood_sums.sorted_by_cube",
-        "points.neighbourhood_sums.sums_near",
-        "ground.splitting.cut_by_extent",
+        "points.neighbourhood_sums.sorted_by_voxel",
+        "points.neighbourhood_sums.sums_within_radius",
+        "ground.splitting.split_by_extent",
         "ground.clusters.occupied_cells",
-        "ground.clusters.joined_groups",
-        "verification.overlap.met_and_score",
+        "ground.clusters.connected_components",
+        "verification.overlap.overlap_masks_and_score",
     }
     if "p2d" in method:
         used |= {
             "gaussians.p2d.p2d_terms",
-            "gaussians.p2d.point_balls",
+            "gaussians.p2d.bounding_balls",
             "points.morton.morton_codes",
         }
     elif "d2d" in method:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 
-def lowest_in_cells(points, cells, count):
+def lowest_points(points, cells, count):
     """Row of the lowest point of each cell; ties by smallest range, then x, then y."""
     rows = []
     for c in range(count):

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def spread_seeds(points, draws):
+def kmeans_plusplus(points, draws):
     """Rows drawn in proportion to the squared distance to the nearest previous one."""
     rows = [min(int(draws[0] * len(points)), len(points) - 1)]
     for draw in draws[1:]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def sums_near(points, query_points, radius):
+def sums_within_radius(points, query_points, radius):
     """Counts, sums and upper triangles of products of the offsets of points within a radius."""
     rows = []
     for query in query_points:

@@ -17,7 +17,7 @@ def cell_of(direction, side):
     return face, row, column
 
 
-def nearest_ranges(points, side):
+def build_range_image(points, side):
     """Range of the nearest point in each cell."""
     ranges_by_cell = {}
     for point in points:
@@ -29,7 +29,7 @@ def nearest_ranges(points, side):
     return ranges
 
 
-def nearest_around(ranges, neighbourhood):
+def minimum_filtered(ranges, neighbourhood):
     """Least range in the square of cells around each cell with a range, on its own face."""
     around = np.full(ranges.shape, math.inf)
     for face, i, j in zip(*np.nonzero(np.isfinite(ranges)), strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector, read_only
 from scanlock.clouds.neighbours import NearestNeighbours
 from scanlock.clouds.point_tree import PointTree
-from scanlock.kernels.points.point_tree import kept_nearest_rows
+from scanlock.kernels.points.point_tree import cached_nearest_neighbours
 
 
 @dataclass(slots=True, eq=False)
@@ -45,7 +45,7 @@ class CachedNeighbours:
             self._rows = np.full(len(queries), -1, np.int64)
             self._bounds = np.full(len(queries), -np.inf)
         tree = self.tree
-        rows, distances, self._typical = kept_nearest_rows(
+        rows, distances, self._typical = cached_nearest_neighbours(
             tree.points, tree.split_axes, tree.split_values, read_only(queries),
             float(max_distance), self._typical, self._anchors, self._rows, self._bounds,
         )  # fmt: skip

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, frozen, read_only
 from scanlock.errors import require_positive
-from scanlock.kernels.points.neighbourhood_sums import sorted_by_cube, sums_near
+from scanlock.kernels.points.neighbourhood_sums import sorted_by_voxel, sums_within_radius
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,9 +42,9 @@ class CellList:
     def of_points(cls, points: Points, voxel_size: float) -> "CellList":
         """Sort (n, 3) points [m] by voxels of side `voxel_size` [m]."""
         require_positive("voxel_size", voxel_size, unit="m")
-        return cls(*sorted_by_cube(points, float(voxel_size)), float(voxel_size))
+        return cls(*sorted_by_voxel(points, float(voxel_size)), float(voxel_size))
 
-    def sums_near(self, queries: Points, radius: float) -> Matrix:
+    def sums_within_radius(self, queries: Points, radius: float) -> Matrix:
         """Return sums over the points within a radius of each query.
 
         Parameters
@@ -61,4 +61,4 @@ class CellList:
             triangle of the sum of ``d d'`` [m^2].
         """
         queries = read_only(queries)
-        return sums_near(self.points, self.starts, self.voxel_size, queries, float(radius))
+        return sums_within_radius(self.points, self.starts, self.voxel_size, queries, float(radius))

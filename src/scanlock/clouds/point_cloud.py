@@ -136,11 +136,11 @@ class PointCloud:
         Drivers write (0, 0, 0) for beams without a return.
         """
         # Here, so that who only reads scans does not load a compiler.
-        from scanlock.kernels.points.rows import is_off_zero
+        from scanlock.kernels.points.rows import is_nonzero
 
         if self.origin.any():
             return read_only(np.ones(len(self.points), np.bool_))
-        return read_only(is_off_zero(self.points))
+        return read_only(is_nonzero(self.points))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -7,11 +7,11 @@ import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
 from scanlock.errors import InvalidInput, require_count
-from scanlock.kernels.points.leaf_covariances import leaf_covariances
+from scanlock.kernels.points.leaf_covariances import knn_covariances
 from scanlock.kernels.points.point_tree import (
-    nearest_rows,
-    several_nearest_rows,
-    sorted_into_leaves,
+    build_kd_tree,
+    k_nearest_neighbours,
+    nearest_neighbours,
 )
 from scanlock.kernels.points.surfaces import neighbour_covariances
 
@@ -57,7 +57,7 @@ class PointTree:
         """
         if len(points) == 0:
             raise InvalidInput("points must contain at least one point, got none")
-        rows, split_axes, split_values = sorted_into_leaves(read_only(points), _LEAF_SIZE)
+        rows, split_axes, split_values = build_kd_tree(read_only(points), _LEAF_SIZE)
         return cls(points[rows], rows, split_axes, split_values)
 
     def __len__(self) -> int:
@@ -80,7 +80,7 @@ class PointTree:
         distances : (m,) [m]
             Distance to it; infinite without a neighbour.
         """
-        return nearest_rows(
+        return nearest_neighbours(
             self.points,
             self.split_axes,
             self.split_values,
@@ -111,7 +111,7 @@ class PointTree:
         """
         self._require_neighbours(count)
         queries = self.points if rows is None else read_only(self.points[rows])
-        return several_nearest_rows(self.points, self.split_axes, self.split_values, queries, count)
+        return k_nearest_neighbours(self.points, self.split_axes, self.split_values, queries, count)
 
     def neighbour_covariances(self, count: int) -> Matrix:
         """Return the (n, 6) covariances [m^2] of the `count` nearest neighbours of each point.
@@ -125,7 +125,7 @@ class PointTree:
             As `neighbours`.
         """
         self._require_neighbours(count)
-        covariances, is_known = leaf_covariances(
+        covariances, is_known = knn_covariances(
             self.points, self.split_axes, self.split_values, count
         )
         remaining = np.flatnonzero(~is_known)

@@ -5,8 +5,8 @@ import numpy as np
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import require_positive
 from scanlock.kernels.points.moments import labelled_moments
-from scanlock.kernels.points.voxel_sums import moments_of_sums, voxel_sums
-from scanlock.kernels.points.voxels import ascending_keys, occupied_voxels, voxel_middles
+from scanlock.kernels.points.voxel_sums import moments_from_sums, voxel_sums
+from scanlock.kernels.points.voxels import occupied_voxels, row_major_keys, voxel_centroids
 
 _ZERO = read_only(np.zeros(3))
 
@@ -89,7 +89,7 @@ def voxel_moments(
     if not fits:
         return _scattered_moments(points, voxel_size, corner, min_points)
     order = read_only(np.argsort(keys))
-    return moments_of_sums(order, read_only(keys), read_only(sums), corner, float(voxel_size))
+    return moments_from_sums(order, read_only(keys), read_only(sums), corner, float(voxel_size))
 
 
 def voxel_means(points: Points, voxel_size: float) -> Points:
@@ -103,7 +103,7 @@ def voxel_means(points: Points, voxel_size: float) -> Points:
     require_positive("voxel_size", voxel_size, unit="m")
     points = read_only(points)
     labels, indices = occupied_voxels(points, _ZERO, float(voxel_size))
-    return voxel_middles(points, read_only(labels), len(indices))[_ascending(indices)]
+    return voxel_centroids(points, read_only(labels), len(indices))[_ascending(indices)]
 
 
 def _scattered_moments(
@@ -118,5 +118,5 @@ def _scattered_moments(
 
 def _ascending(indices: Labels) -> Labels:
     """Return the lexicographic order of distinct (m, 3) indices."""
-    keys = ascending_keys(read_only(indices))
+    keys = row_major_keys(read_only(indices))
     return np.argsort(keys) if len(keys) else np.lexsort(indices.T[::-1])

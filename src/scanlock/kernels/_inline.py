@@ -6,6 +6,8 @@ nine entries of a rotation row by row, and the upper triangle xx, xy, xz, yy, yz
 its Hessian, row by row (21).
 """
 
+import numpy as np
+
 from scanlock.arrays import Labels, Matrix, Vector
 from scanlock.kernels._compile import inlined
 
@@ -50,10 +52,10 @@ def find_voxel(table: Labels, voxels: Labels, i: int, j: int, k: int) -> tuple[i
     """
     last = table.shape[0] - 1
     slot = voxel_slot(i, j, k, last)
-    row = table[slot]
+    row = int(table[slot])
     while row >= 0 and not (voxels[row, 0] == i and voxels[row, 1] == j and voxels[row, 2] == k):
         slot = (slot + 1) & last
-        row = table[slot]
+        row = int(table[slot])
     return slot, row
 
 
@@ -74,7 +76,7 @@ def nine(matrix: Matrix) -> Nine:
 
 
 @inlined
-def symmetric(packed: Matrix, row: int) -> Symmetric:
+def symmetric(packed: Matrix, row: int | np.uint64) -> Symmetric:
     """Return a row of (n, 6) packed matrices."""
     return (
         packed[row, 0], packed[row, 1], packed[row, 2],
@@ -214,9 +216,7 @@ def window(v: float) -> Triple:
 
 
 @inlined
-def windowed(
-    score: float, slope: float, curve: float, w: float, w1: float, w2: float
-) -> Triple:
+def windowed(score: float, slope: float, curve: float, w: float, w1: float, w2: float) -> Triple:
     """Return the product of a score and a window with its two derivatives."""
     return (
         score * w,

@@ -12,8 +12,8 @@ from scanlock.arrays import Counts, Labels, Mask, Matrix, Points, Vector, frozen
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.gaussians.eigen3 import floored_covariances
-from scanlock.kernels.gaussians.packed import merged_moments, packed_inverses, packed_turned
+from scanlock.kernels.gaussians.eigen3 import regularised_covariances
+from scanlock.kernels.gaussians.packed import merged_moments, packed_inverses, packed_rotated
 from scanlock.kernels.points.moments import labelled_moments
 
 _PACKED_ROWS = (0, 0, 0, 1, 1, 2)
@@ -126,7 +126,7 @@ class Gaussians:
     @cached_property
     def variances(self) -> Matrix:
         """The (k, 3) variances [m^2] along the principal axes, ascending."""
-        _, variances = floored_covariances(read_only(self.packed_covariances), 0.0, 0.0)
+        _, variances = regularised_covariances(read_only(self.packed_covariances), 0.0, 0.0)
         frozen(variances)
         return variances
 
@@ -171,7 +171,7 @@ class Gaussians:
         """
         require_positive("deviation", deviation, unit="m")
         require_at_least("ratio", ratio, 0.0)
-        packed, variances = floored_covariances(
+        packed, variances = regularised_covariances(
             read_only(self.packed_covariances), float(deviation) ** 2, float(ratio)
         )
         return self._with_covariances(packed, variances)
@@ -228,7 +228,7 @@ class Gaussians:
 
     def transformed(self, pose: Pose) -> "Gaussians":
         """Return the Gaussians transformed by a pose."""
-        rotated = packed_turned(read_only(self.packed_covariances), pose.rotation)
+        rotated = packed_rotated(read_only(self.packed_covariances), pose.rotation)
         moved = Gaussians(pose.apply(self.means), rotated, self.counts)
         return moved._with_covariances(rotated, self.variances)
 

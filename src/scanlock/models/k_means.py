@@ -7,7 +7,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import require_count
-from scanlock.kernels.points.k_means import spread_seeds
+from scanlock.kernels.points.k_means import kmeans_plusplus
 from scanlock.kernels.points.moments import labelled_moments
 
 
@@ -50,7 +50,7 @@ class KMeans:
             return np.empty(0, np.int64)
         points = read_only(points)
         draws = np.random.default_rng(self.seed).random(min(count, len(points)))
-        centres = points[spread_seeds(points, read_only(draws))]
+        centres = points[kmeans_plusplus(points, read_only(draws))]
         labels = np.full(len(points), -1, np.int64)
         for _ in range(self.max_iterations):
             tree = PointTree.from_points(centres)

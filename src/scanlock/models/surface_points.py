@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from scanlock.arrays import Labels, Matrix, Points, frozen, read_only
 from scanlock.clouds.voxel_grid import voxel_indices
 from scanlock.errors import InvalidInput
-from scanlock.kernels.gaussians.cells import cell_table, rows_at
-from scanlock.kernels.points.surface_voxels import voxel_surfaces
+from scanlock.kernels.gaussians.cells import cell_rows, cell_table
+from scanlock.kernels.points.surface_voxels import voxel_averages
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class SurfaceVoxels:
         """Average surface points over voxels of side `voxel_size` [m]."""
         points = read_only(surface.points)
         labels, indices = voxel_indices(points, voxel_size)
-        means, covariances = voxel_surfaces(
+        means, covariances = voxel_averages(
             points, surface.covariances, read_only(labels), len(indices)
         )
         table = cell_table(read_only(indices), 1 << (8 * len(indices)).bit_length())
@@ -87,4 +87,4 @@ class SurfaceVoxels:
 
     def rows_of(self, queries: Points) -> Labels:
         """Return the (m,) row of the voxel that contains each query [m]; -1 for empty voxels."""
-        return rows_at(read_only(queries), self.table, self.indices, self.size)
+        return cell_rows(read_only(queries), self.table, self.indices, self.size)

@@ -17,13 +17,13 @@ from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import require_at_least, require_fraction, require_positive
 from scanlock.kernels.ground.clusters import (
-    close_pairs,
-    joined_groups,
+    adjacent_cells,
+    are_close,
+    connected_components,
     occupied_cells,
-    regrouped,
-    touching_cells,
+    relabelled,
 )
-from scanlock.kernels.ground.splitting import cut_by_extent
+from scanlock.kernels.ground.splitting import split_by_extent
 from scanlock.kernels.points.moments import labelled_means
 from scanlock.models.gaussians import Gaussians
 
@@ -79,7 +79,7 @@ class MeanDistance:
     def merges(self, bins: BinnedPoints, first: Labels, second: Labels) -> Mask:
         """Return (m,) whether bin ``first[i]`` combines with bin ``second[i]``."""
         limit = float(self.max_distance)
-        return close_pairs(bins.means, read_only(first), read_only(second), limit)
+        return are_close(bins.means, read_only(first), read_only(second), limit)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -192,12 +192,12 @@ class ClusterFinder:
         bin_of_point, occupied = occupied_cells(cells, self.grid.sectors * self.grid.bins)
         bins = BinnedPoints(points, bin_of_point, len(occupied))
         # Theta: the eight neighbours of a bin.
-        first, second = touching_cells(occupied, int(self.grid.sectors), self.grid.bins)
+        first, second = adjacent_cells(occupied, int(self.grid.sectors), self.grid.bins)
         joins = self.merge.merges(bins, first, second)
-        cluster_of_bin, count = joined_groups(
+        cluster_of_bin, count = connected_components(
             len(occupied), read_only(first), read_only(second), read_only(joins)
         )
-        return regrouped(read_only(bin_of_point), read_only(cluster_of_bin)), count
+        return relabelled(read_only(bin_of_point), read_only(cluster_of_bin)), count
 
     def split(
         self, points: Points, labels: Labels, count: int, max_radius: float
@@ -259,7 +259,7 @@ def _split(
     points: Points, labels: Labels, count: int, radii: Sequence[float], *, keeps_rows: bool
 ) -> tuple[Labels, Labels, Matrix]:
     scales = read_only(np.array(radii, np.float64))
-    return cut_by_extent(read_only(points), read_only(labels), count, scales, keeps_rows)
+    return split_by_extent(read_only(points), read_only(labels), count, scales, keeps_rows)
 
 
 def _without_small(labels: Labels, count: int, min_points: int) -> tuple[Labels, int]:

@@ -11,7 +11,7 @@ from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.point_cloud import HasPoints, PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.interrupts import plain_interrupts
-from scanlock.kernels.points.rows import chosen_points
+from scanlock.kernels.points.rows import selected_points
 from scanlock.segmentation.clusters import ClusterFinder
 from scanlock.segmentation.ground.finder import (
     Ground,
@@ -111,7 +111,7 @@ def is_obstacle(cloud: PointCloud, ground: Ground) -> Mask:
 
 def obstacle_points(cloud: PointCloud, ground: Ground) -> Points:
     """Return the (m, 3) obstacle points of a cloud [m]; see `is_obstacle`."""
-    points = chosen_points(cloud.points, read_only(is_obstacle(cloud, ground)))
+    points = selected_points(cloud.points, read_only(is_obstacle(cloud, ground)))
     frozen(points)
     return points
 

@@ -8,7 +8,7 @@ from scanlock.arrays import read_only
 from scanlock.clouds.cached_neighbours import CachedNeighbours, cached_neighbours
 from scanlock.clouds.neighbours import nearest_neighbours
 from scanlock.clouds.point_tree import PointTree
-from scanlock.kernels.points.point_tree import kept_nearest_rows
+from scanlock.kernels.points.point_tree import cached_nearest_neighbours
 
 
 def _assert_nearest(cached, queries, max_distance):
@@ -64,7 +64,7 @@ def test_queries_that_move_little_are_not_searched_again():
     searched, typical = [], 0.0
     for step in (0.0, 0.01, 0.003, 0.001):
         queries = read_only(queries + np.array([step, 0.0, 0.0]))
-        _, _, typical = kept_nearest_rows(
+        _, _, typical = cached_nearest_neighbours(
             tree.points, tree.split_axes, tree.split_values, queries, 2.0, typical,
             anchors, rows, bounds,
         )  # fmt: skip

@@ -11,8 +11,10 @@ _POINTS = np.random.default_rng(0).uniform(-6.0, 6.0, (400, 3))
 @pytest.mark.parametrize("voxel_size", [0.5, 2.0])
 def test_sums_within_a_radius_do_not_depend_on_the_voxel_size(voxel_size):
     queries = _POINTS[::7] + 0.1
-    found = CellList.of_points(_POINTS, voxel_size).sums_near(queries, 1.5)
-    np.testing.assert_allclose(found, reference.sums_near(_POINTS, queries, 1.5), atol=1e-9)
+    found = CellList.of_points(_POINTS, voxel_size).sums_within_radius(queries, 1.5)
+    np.testing.assert_allclose(
+        found, reference.sums_within_radius(_POINTS, queries, 1.5), atol=1e-9
+    )
 
 
 def test_arrays_are_read_only():

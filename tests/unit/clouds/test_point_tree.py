@@ -8,7 +8,7 @@ from reference.samples import street
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.errors import InvalidInput
-from scanlock.kernels.points.leaf_covariances import leaf_covariances
+from scanlock.kernels.points.leaf_covariances import knn_covariances
 
 
 def _ring(rng, count):
@@ -105,7 +105,7 @@ def test_only_the_given_number_of_equidistant_neighbours_is_used(cloud):
 
 def test_most_covariances_of_a_scan_need_no_neighbour_search():
     tree = PointTree.from_points(voxel_means(street(1), 0.25))
-    _, is_known = leaf_covariances(tree.points, tree.split_axes, tree.split_values, 10)
+    _, is_known = knn_covariances(tree.points, tree.split_axes, tree.split_values, 10)
     assert is_known.mean() > 0.9
 
 

@@ -5,7 +5,7 @@ from reference import k_means as reference
 from reference.grouping import partition
 from scanlock.arrays import read_only
 from scanlock.errors import InvalidInput
-from scanlock.kernels.points.k_means import spread_seeds
+from scanlock.kernels.points.k_means import kmeans_plusplus
 from scanlock.models.k_means import KMeans
 
 
@@ -23,13 +23,13 @@ def _clusters(centres, seed=0):
 def test_seeds_are_drawn_in_proportion_to_squared_distance(seed):
     points = _points(seed)
     draws = read_only(np.random.default_rng(seed).random(12))
-    rows = spread_seeds(points, draws)
-    assert rows.tolist() == reference.spread_seeds(points, draws)
+    rows = kmeans_plusplus(points, draws)
+    assert rows.tolist() == reference.kmeans_plusplus(points, draws)
     assert len(set(rows.tolist())) == 12
 
 
 def test_seeds_of_identical_points_are_valid_rows():
-    rows = spread_seeds(read_only(np.ones((4, 3))), read_only(np.array([0.9, 0.5, 0.999])))
+    rows = kmeans_plusplus(read_only(np.ones((4, 3))), read_only(np.array([0.9, 0.5, 0.999])))
     assert ((rows >= 0) & (rows < 4)).all()
 
 

@@ -122,9 +122,7 @@ def _add_block(
         s = block[12, p], block[13, p], block[14, p], block[15, p], block[16, p], block[17, p]
         k = inverse(s)
         b = product(k, q)
-        score, slope, curve = windowed_score(
-            block[18, p], dot(b, q), sharpness, limits
-        )
+        score, slope, curve = windowed_score(block[18, p], dot(b, q), sharpness, limits)
         g, n, h = _rotation_derivatives(y, c, k, b, exact)
         k00, k01, k02, k11, k12, k22 = k
         b0, b1, b2 = b

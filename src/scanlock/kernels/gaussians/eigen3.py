@@ -101,9 +101,7 @@ def _decompose_block(entries: Vector, eigen: Vector) -> None:
 
 
 @sum_kernel
-def _regularise_block(
-    eigen: Vector, min_variance: float, min_ratio: float, packed: Vector
-) -> None:
+def _regularise_block(eigen: Vector, min_variance: float, min_ratio: float, packed: Vector) -> None:
     """Raise the variances of a block in place, and write the packed covariances (6 rows)."""
     for k in range(_BLOCK):
         minimum = max(min_variance, min_ratio * eigen[2 * _BLOCK + k])

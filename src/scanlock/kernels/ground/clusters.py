@@ -8,7 +8,7 @@ from scanlock.kernels._compile import kernel
 
 @kernel
 def occupied_cells(cells: Labels, cell_count: int) -> tuple[Labels, Labels]:
-    """Number the occupied cells in ascending order.
+    """Return the occupied cells in ascending order, and the label of each point.
 
     Parameters
     ----------

@@ -8,7 +8,6 @@ from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
 from scanlock.kernels._inline import first_not_below
 
-
 _Process = tuple[float, float, float, float, float]
 """Length scale [m], signal variance [m^2] and noise variance [m^2] of a process, and the limits
 of variance [m^2] and of residual [deviations] below which an observation is accepted."""

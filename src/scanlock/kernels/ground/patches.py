@@ -20,6 +20,7 @@ _Limit = tuple[float, float]
 """Largest residual [m] of a point of the ground, and its growth with the distance to accepted
 patches [m/m]."""
 
+
 @kernel
 def _fit_plane(
     members: Labels,

@@ -12,7 +12,9 @@ _SWEEPS = 12
 
 
 @kernel
-def weighted_columns(points: Points, near: float, threshold: float, threshold_slope: float) -> Matrix:
+def weighted_columns(
+    points: Points, near: float, threshold: float, threshold_slope: float
+) -> Matrix:
     """Return the (5, n) rows x, y, z, weight and inverse threshold of (n, 3) low points [m].
 
     Weights are inversely proportional to the range plus `near` [m] and sum to one. The threshold
@@ -156,7 +158,9 @@ def smallest_eigenvector(covariance: Matrix) -> tuple[float, float, float]:
                 if abs(covariance[p, q]) <= 1e-17 * (abs(covariance[p, p]) + abs(covariance[q, q])):
                     continue
                 cotangent = 0.5 * (covariance[q, q] - covariance[p, p]) / covariance[p, q]
-                t = math.copysign(1.0, cotangent) / (abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0))
+                t = math.copysign(1.0, cotangent) / (
+                    abs(cotangent) + math.sqrt(cotangent * cotangent + 1.0)
+                )
                 c = 1.0 / math.sqrt(t * t + 1.0)
                 for k in range(3):
                     a = covariance[k, p]

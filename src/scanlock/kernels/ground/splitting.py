@@ -138,8 +138,16 @@ def _split(
     """Copy a run to the other table, near points first; return where the others begin."""
     target = 1 - source
     # Row by row, because only then the compiler sees that they are contiguous.
-    x, y, z = tables[source, 0, begin:end], tables[source, 1, begin:end], tables[source, 2, begin:end]
-    u, v, w = tables[target, 0, begin:end], tables[target, 1, begin:end], tables[target, 2, begin:end]
+    x, y, z = (
+        tables[source, 0, begin:end],
+        tables[source, 1, begin:end],
+        tables[source, 2, begin:end],
+    )
+    u, v, w = (
+        tables[target, 0, begin:end],
+        tables[target, 1, begin:end],
+        tables[target, 2, begin:end],
+    )
     _mark_near(x, y, z, moments, is_near)
     near = _partition_points(x, y, z, is_near, u, v, w)
     if tables.shape[1] == 4:
@@ -225,7 +233,11 @@ def split_by_extent(
         while depth > 0:
             depth -= 1
             scale, begin, end, table = stack[depth]
-            x, y, z = tables[table, 0, begin:end], tables[table, 1, begin:end], tables[table, 2, begin:end]
+            x, y, z = (
+                tables[table, 0, begin:end],
+                tables[table, 1, begin:end],
+                tables[table, 2, begin:end],
+            )
             is_long = _fill_moments(x, y, z, float(radii[scale]), own)
             while scale < radii.shape[0]:
                 if is_long:

@@ -175,7 +175,9 @@ def _fill_leaf(
 
 
 @kernel
-def knn_covariances(points: Points, axes: Labels, splits: Vector, count: int) -> tuple[Matrix, Mask]:
+def knn_covariances(
+    points: Points, axes: Labels, splits: Vector, count: int
+) -> tuple[Matrix, Mask]:
     """Return the covariance of the nearest neighbours of each point, and which are known.
 
     A covariance is unknown if neighbours are far beyond the leaf of the point, or if several

@@ -20,7 +20,7 @@ def _interleaved(bits: int) -> int:
 
 @kernel
 def morton_codes(points: Points) -> Labels:
-    """Return the (n,) Morton codes of (n, 3) points, with ten bits per axis of their bounding cube."""
+    """Return the (n,) Morton codes of (n, 3) points, ten bits per axis."""
     codes = np.empty(points.shape[0], np.int64)
     if points.shape[0] == 0:
         return codes

@@ -52,7 +52,7 @@ def _find(table: Labels, key: int) -> int:
 
 @kernel
 def _table_of(keys: Labels, count: int) -> tuple[Labels, Labels]:
-    """Return the hash table of `count` keys, as keys and their rows, with room for the whole array."""
+    """Return a hash table of `count` keys, as keys and rows, with room for the whole array."""
     table = np.full(4 * keys.shape[0], -1, np.int64)
     rows = np.empty(4 * keys.shape[0], np.int64)
     for row in range(count):
@@ -233,7 +233,9 @@ def moments_from_sums(
         for axis in range(3):
             index = _index(int(keys[row]), axis)
             voxels[t, axis] = index
-            means[t, axis] = scale * sums[row, 1 + axis] + (corner[axis] + (index + 0.5) * voxel_size)
+            means[t, axis] = scale * sums[row, 1 + axis] + (
+                corner[axis] + (index + 0.5) * voxel_size
+            )
         packed[t, 0] = scale * sums[row, 4] - x * x
         packed[t, 1] = scale * sums[row, 5] - x * y
         packed[t, 2] = scale * sums[row, 6] - x * z

@@ -128,9 +128,7 @@ def scores_along_direction(
                 continue
             if max(0.0, abs(along) - step * max_steps) ** 2 > max_squared:
                 continue
-            covariance = summed(
-                symmetric(source_covariances, i), symmetric(target_covariances, j)
-            )
+            covariance = summed(symmetric(source_covariances, i), symmetric(target_covariances, j))
             a, b, c = _parabola(q, d, covariance)
             weight = source_weights[i] * target_weights[j]
             _add_profile(a, b, c, weight, step, max_steps, window_start, window_end, scores)

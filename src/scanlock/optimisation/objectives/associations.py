@@ -12,7 +12,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, read_only
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import require_count
-from scanlock.kernels.gaussians.cells import rows_within
+from scanlock.kernels.gaussians.cells import neighbour_cell_rows
 from scanlock.models.voxel_gaussians import VoxelGaussians
 
 Lists = tuple[Labels, Labels, Labels]
@@ -61,7 +61,7 @@ class NeighbourCells:
     def at(self, positions: Points) -> Lists:
         """Return the targets in the cells around each position."""
         voxels, around = self.voxels, self.max_offset
-        starts, members = rows_within(
+        starts, members = neighbour_cell_rows(
             read_only(positions), voxels.table, voxels.cells, voxels.corner, voxels.size, around
         )
         return read_only(np.arange(len(positions))), read_only(starts), read_only(members)

@@ -10,7 +10,7 @@ from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.gaussians.d2d import d2d_terms
-from scanlock.kernels.gaussians.p2d import p2d_terms, point_balls
+from scanlock.kernels.gaussians.p2d import bounding_balls, p2d_terms
 from scanlock.kernels.points.morton import morton_codes
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.associations import Association, Lists
@@ -216,7 +216,7 @@ class PointsToGaussians:
         """Return the contribution of each block of points to gradient and Hessian at `pose`."""
 
         def terms(points: Points) -> Vector:
-            return self._terms(pose, points, point_balls(points))
+            return self._terms(pose, points, bounding_balls(points))
 
         return contributions_of_rows(blocks, [self.points], terms)
 
@@ -237,7 +237,7 @@ class PointsToGaussians:
         """The points in Morton order, and the bounding balls of short runs of them."""
         order = np.argsort(morton_codes(read_only(self.points)))
         points = read_only(self.points[order])
-        return points, read_only(point_balls(points))
+        return points, read_only(bounding_balls(points))
 
     @cached_property
     def _rows(self) -> Matrix:

@@ -15,9 +15,9 @@ import numpy as np
 from scanlock.arrays import Labels, Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.gaussians.neighbour_lists import (
-    centre_and_arms,
+    centroid_and_distances,
+    neighbour_lists,
     sorted_by_cell,
-    targets_in_reach,
 )
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.associations import Lists
@@ -97,7 +97,7 @@ class NeighbourSearch:
 
     @cached_property
     def _centre_and_arms(self) -> tuple[Vector, Vector]:
-        return centre_and_arms(self.source.means)
+        return centroid_and_distances(self.source.means)
 
     @cached_property
     def grid(self) -> _Grid:
@@ -162,7 +162,7 @@ class NeighbourLists:
             none = np.zeros(0, np.int64)
             lists = np.full(rows.stop - rows.start, -1, np.int64)
             return read_only(lists), read_only(np.zeros(1, np.int64)), read_only(none)
-        ends, members = targets_in_reach(
+        ends, members = neighbour_lists(
             *search.grid,
             read_only(search.source.means[rows]),
             read_only(search.source.max_variances[rows]),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from scanlock.arrays import Points, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.kernels.points.rows import chosen_points
+from scanlock.kernels.points.rows import selected_points
 from scanlock.models.voxel_gaussians import VoxelGrid
 from scanlock.registration.methods.protocol import PreparationLog
 from scanlock.registration.methods.scales import GaussianScan, gaussian_scan
@@ -56,4 +56,4 @@ def measured_points(cloud: PointCloud) -> Points:
     """
     if cloud.is_measured.all():
         return cloud.points
-    return read_only(chosen_points(cloud.points, cloud.is_measured))
+    return read_only(selected_points(cloud.points, cloud.is_measured))

@@ -159,7 +159,7 @@ class LocalPlaneFitter:
         left = np.arange(len(query_points))
         rows, fits = [], []
         for radius in self.radii:
-            fit, is_plane = self._eigen_fits(points.sums_near(query_points[left], radius))
+            fit, is_plane = self._eigen_fits(points.sums_within_radius(query_points[left], radius))
             rows.append(left[is_plane])
             fits.append(fit[is_plane])
             left = left[~is_plane]

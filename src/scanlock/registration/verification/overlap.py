@@ -6,8 +6,8 @@ import numpy as np
 
 from scanlock.arrays import Mask, Vector, read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.verification.overlap import met_and_score
-from scanlock.kernels.verification.score_profile import slid_scores
+from scanlock.kernels.verification.overlap import overlap_masks_and_score
+from scanlock.kernels.verification.score_profile import scores_along_direction
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
 
@@ -71,7 +71,7 @@ def shifted_score_ratio(
     # most perpendicular to it is well conditioned.
     across = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))]).astype(np.float64)
     across = across / float(np.linalg.norm(across))
-    scores = slid_scores(
+    scores = scores_along_direction(
         target.means,
         target.packed_covariances,
         target.max_variances,
@@ -101,7 +101,7 @@ def _weighted_fraction(gaussians: Gaussians, selected: Mask) -> float:
 
 def _overlaps(target: Gaussians, source: Gaussians) -> tuple[Mask, Mask, float]:
     """Return which source and which target Gaussians overlap one of the other, and the score."""
-    return met_and_score(
+    return overlap_masks_and_score(
         target.means,
         target.packed_covariances,
         target.max_variances,

@@ -11,9 +11,9 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.verification.range_image import (
+    build_range_image,
     free_space_violation,
-    nearest_around,
-    nearest_ranges,
+    minimum_filtered,
 )
 
 
@@ -99,6 +99,6 @@ class RangeImager:
         """Return the range image of a cloud; None if its origin is not the sensor."""
         if cloud.origin.any():
             return None
-        ranges = nearest_ranges(cloud.points, self.cells_per_side)
-        ranges = nearest_around(read_only(ranges), self.neighbourhood)
+        ranges = build_range_image(cloud.points, self.cells_per_side)
+        ranges = minimum_filtered(read_only(ranges), self.neighbourhood)
         return RangeImage(ranges=read_only(ranges), settings=self)

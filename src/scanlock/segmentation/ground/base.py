@@ -11,7 +11,7 @@ import numpy as np
 from scanlock.arrays import Mask, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels.ground.envelope import lower_envelope
-from scanlock.kernels.ground.model import heights_of_patches, patch_members, prototype_patches
+from scanlock.kernels.ground.model import blended_patch_heights, patch_members, prototype_patches
 from scanlock.kernels.ground.patches import grow_patches
 from scanlock.kernels.ground.point_passes import sharp_prototypes
 from scanlock.segmentation.ground.plane import BasePlane
@@ -171,6 +171,6 @@ def _patch_heights(
         _PRIOR_WEIGHT * (_POINT_DEVIATION / _SLOPE_DEVIATION) ** 2,
         _MAX_ROUGHNESS,
     )
-    return heights_of_patches(
+    return blended_patch_heights(
         x, y, read_only(patch), read_only(patches), read_only(accepted), sectors, rings
     )

@@ -18,7 +18,7 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.model import extent
-from scanlock.kernels.ground.point_passes import split_by_knots, turned_points
+from scanlock.kernels.ground.point_passes import classify_points, rotated_points
 from scanlock.segmentation.ground.base import fit_base_surface
 from scanlock.segmentation.ground.gaussian_process import (
     GaussianProcess,
@@ -126,7 +126,7 @@ class GroundFinder:
             max_seed_height=self.max_seed_height,
             max_seed_range=self.max_seed_range,
         )
-        height, is_ground, is_below, near, close = split_by_knots(
+        height, is_ground, is_below, near, close = classify_points(
             read_only(level.points),
             prototypes.cell_of_point,
             plane.coefficients,
@@ -163,7 +163,7 @@ class GroundFinder:
             ):
                 break
             levelling = rotation_onto_z(plane.normal)
-            points = turned_points(read_only(points), read_only(levelling))
+            points = rotated_points(read_only(points), read_only(levelling))
             rotation = levelling @ rotation
             prototypes = Prototypes.of(points, self.grid, self.min_points)
             plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
@@ -292,7 +292,7 @@ class PublishedGroundFinder:
         _, _, sectors = extent(prototypes.points, read_only(accepted), prototypes.starts)
         if sectors == 0:
             return Ground.none(len(cloud), "no sector has the two seeds that its model needs")
-        height, is_ground, is_below, _, _ = split_by_knots(
+        height, is_ground, is_below, _, _ = classify_points(
             cloud.points,
             prototypes.cell_of_point,
             _SENSOR_PLANE,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scanlock.arrays import Mask, Matrix, Vector, frozen, read_only
-from scanlock.kernels.ground.model import knots_between_prototypes, seeds_on_base
+from scanlock.kernels.ground.model import knots_between_prototypes, select_seeds
 from scanlock.segmentation.ground.base import BaseSurface
 from scanlock.segmentation.ground.gaussian_process import Insac
 from scanlock.segmentation.ground.plane import BasePlane
@@ -49,7 +49,7 @@ def grow_ground(
     modelled : (n,) [m]
         Modelled height above the base plane at each prototype; NaN where the model is uncertain.
     """
-    heights, seeds, max_residuals = seeds_on_base(
+    heights, seeds, max_residuals = select_seeds(
         read_only(plane.heights(prototypes.points)),
         base.height,
         prototypes.ranges,
@@ -86,7 +86,7 @@ def knots_of_model(
     Returns
     -------
     (cells, 5)
-        Knot of each cell, as `split_by_knots` expects it.
+        Knot of each cell, as `classify_points` expects it.
     """
     knots = knots_between_prototypes(
         prototypes.ranges,

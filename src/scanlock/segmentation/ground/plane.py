@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.arrays import Points, Vector, frozen, read_only
-from scanlock.kernels.ground.plane import best_triple_plane, plane_columns, refined_plane
+from scanlock.kernels.ground.plane import best_sampled_plane, refined_plane, weighted_columns
 
 _TRIPLES = 1000
 """Number of candidate planes (ours).
@@ -94,12 +94,12 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     n = len(low_points)
     if n < 3:
         return None
-    columns = plane_columns(read_only(low_points), _WEIGHT_RANGE, _THRESHOLD, _THRESHOLD_SLOPE)
+    columns = weighted_columns(read_only(low_points), _WEIGHT_RANGE, _THRESHOLD, _THRESHOLD_SLOPE)
     sample = np.ascontiguousarray(columns[:, :: max(1, n // _SCORED)])
     frozen(columns)
     frozen(sample)
     x, y, z, weights, sharpness = sample
-    nx, ny, nz, d, score = best_triple_plane(
+    nx, ny, nz, d, score = best_sampled_plane(
         x, y, z, weights, sharpness, _TRIPLES, math.cos(max_tilt)
     )
     if score <= 0.0:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.clouds.polar_grid import PolarGrid
-from scanlock.kernels.ground.point_passes import gathered_prototypes, lowest_in_cells
+from scanlock.kernels.ground.point_passes import gather_prototypes, lowest_points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +48,7 @@ class Prototypes:
         """Find the prototypes of the cells with at least `min_points` of (m, 3) points [m]."""
         sectors, bins = int(grid.sectors), grid.bins
         cell_of_point = grid.cells(points)
-        lowest = lowest_in_cells(read_only(points), cell_of_point, sectors * bins, int(min_points))
+        lowest = lowest_points(read_only(points), cell_of_point, sectors * bins, int(min_points))
         frozen(lowest)
-        low, ranges, cells, starts = gathered_prototypes(read_only(points), lowest, sectors)
+        low, ranges, cells, starts = gather_prototypes(read_only(points), lowest, sectors)
         return cls(low, ranges, cells, starts, cell_of_point, lowest, bins)

@@ -54,7 +54,7 @@ def knots_of_prototypes(prototypes: Prototypes, accepted: Mask, height_threshold
     Returns
     -------
     (cells, 5)
-        Knot of each cell, as `split_by_knots` expects it; without a model in the other cells.
+        Knot of each cell, as `classify_points` expects it; without a model in the other cells.
     """
     knots = np.full((len(prototypes.lowest), 5), height_threshold)
     knots[:, :4] = 0.0

@@ -3,7 +3,7 @@ import pytest
 
 from reference.samples import turned_covariances
 from scanlock.arrays import read_only
-from scanlock.kernels.gaussians.eigen3 import floored_covariances
+from scanlock.kernels.gaussians.eigen3 import regularised_covariances
 from scanlock.models.gaussians import unpacked
 
 
@@ -16,7 +16,7 @@ def _floored(covariances, least, ratio):
 
 def _assert_floored(covariances, least, ratio):
     packed = read_only(covariances[:, *np.triu_indices(3)])
-    raised, variances = floored_covariances(packed, least, ratio)
+    raised, variances = regularised_covariances(packed, least, ratio)
     found = unpacked(raised), variances
     expected = _floored(covariances, least, ratio)
     size = np.abs(covariances).max(axis=(1, 2), initial=0.0) + least
@@ -36,7 +36,7 @@ def test_flat_round_and_empty_covariances_are_no_exception():
     turned = turned_covariances(np.random.default_rng(1), np.array([[0.0, 0.0, 4.0], [0, 1, 1]]))
     special = [np.zeros((3, 3)), np.eye(3), np.diag([3.0, 1.0, 2.0]), np.ones((3, 3)), *turned]
     _assert_floored(np.array(special), 0.01, 0.001)
-    found = floored_covariances(read_only(np.empty((0, 6))), 0.01, 0.0)
+    found = regularised_covariances(read_only(np.empty((0, 6))), 0.01, 0.0)
     assert [part.shape for part in found] == [(0, 6), (0, 3)]
 
 

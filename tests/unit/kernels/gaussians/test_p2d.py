@@ -5,7 +5,7 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.gaussians.p2d import p2d_terms, point_balls
+from scanlock.kernels.gaussians.p2d import bounding_balls, p2d_terms
 
 
 def _terms(target, points, pose, *, end=25.0, exact=1.0, reach_factor=1.0):
@@ -13,7 +13,7 @@ def _terms(target, points, pose, *, end=25.0, exact=1.0, reach_factor=1.0):
     points = read_only(np.array(points, float).reshape(-1, 3))
     return p2d_terms(
         points,
-        read_only(point_balls(points)),
+        read_only(bounding_balls(points)),
         read_only(np.column_stack([target.means, target.packed_precisions, reaches])),
         pose.rotation,
         pose.translation,
@@ -61,7 +61,7 @@ def test_the_order_of_the_points_changes_no_sum():
 def test_balls_hold_their_points_and_touch_one():
     rng = np.random.default_rng(5)
     points = rng.normal(0.0, 5.0, (100, 3))
-    balls = point_balls(read_only(points))
+    balls = bounding_balls(read_only(points))
     assert balls.shape == (4, 4)
     for ball, block in zip(balls, np.split(points, [32, 64, 96]), strict=True):
         np.testing.assert_allclose(ball[:3], block.mean(axis=0))

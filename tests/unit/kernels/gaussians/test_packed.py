@@ -3,7 +3,7 @@ import numpy as np
 from reference.samples import turned_covariances
 from scanlock.arrays import read_only
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.gaussians.packed import packed_inverses, packed_turned
+from scanlock.kernels.gaussians.packed import packed_inverses, packed_rotated
 from scanlock.models.gaussians import unpacked
 
 
@@ -30,5 +30,5 @@ def test_a_matrix_without_an_inverse_gives_no_finite_one():
 def test_turned_covariances():
     matrices = _matrices(1)
     rotation = exp_rotation(np.array([0.3, -1.2, 0.8]))
-    turned = unpacked(packed_turned(_packed(matrices), read_only(rotation)))
+    turned = unpacked(packed_rotated(_packed(matrices), read_only(rotation)))
     np.testing.assert_allclose(turned, rotation @ matrices @ rotation.T, rtol=1e-12, atol=1e-12)

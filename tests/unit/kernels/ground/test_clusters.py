@@ -1,16 +1,15 @@
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import coo_array, csgraph
 
 from reference import grouping
 from scanlock.arrays import read_only
 from scanlock.kernels.ground.clusters import (
-    close_pairs,
-    joined_groups,
+    adjacent_cells,
+    are_close,
+    connected_components,
     occupied_cells,
-    regrouped,
-    touching_cells,
+    relabelled,
 )
 
 
@@ -29,7 +28,7 @@ def test_touching_cells_are_the_eight_around_each(sectors, bins):
     rng = np.random.default_rng(sectors)
     for share in (0.0, 0.3, 1.0):
         occupied = np.flatnonzero(rng.random(sectors * bins) < share)
-        first, second = touching_cells(read_only(occupied), sectors, bins)
+        first, second = adjacent_cells(read_only(occupied), sectors, bins)
         found = [frozenset(pair) for pair in zip(first.tolist(), second.tolist(), strict=True)]
         expected = set()
         for i, one in enumerate(occupied):
@@ -47,10 +46,12 @@ def test_joined_groups_are_the_connected_components(seed):
     rows = 60
     first, second = rng.integers(0, rows, (2, 70))
     joins = rng.random(70) < 0.6
-    groups, count = joined_groups(rows, read_only(first), read_only(second), read_only(joins))
+    groups, count = connected_components(
+        rows, read_only(first), read_only(second), read_only(joins)
+    )
     ones = np.ones(joins.sum(), np.int8)
     graph = coo_array((ones, (first[joins], second[joins])), shape=(rows, rows))
-    expected_count, expected = connected_components(graph, directed=False)
+    expected_count, expected = csgraph.connected_components(graph, directed=False)
     assert count == expected_count
     assert grouping.partition(groups) == grouping.partition(expected)
     firsts = [int(np.flatnonzero(groups == group)[0]) for group in range(count)]
@@ -61,16 +62,16 @@ def test_pairs_are_close_below_the_limit_only():
     rng = np.random.default_rng(2)
     points = read_only(rng.normal(size=(30, 3)))
     first, second = rng.integers(0, 30, (2, 80))
-    close = close_pairs(points, read_only(first), read_only(second), 1.3)
+    close = are_close(points, read_only(first), read_only(second), 1.3)
     gaps = np.linalg.norm(points[first] - points[second], axis=1)
     np.testing.assert_array_equal(close, gaps < 1.3)
     assert set(close.tolist()) == {True, False}
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.75, 0.0]])
     pair = np.array([0]), np.array([1])
-    assert not close_pairs(read_only(ends), *map(read_only, pair), 0.75)[0]
+    assert not are_close(read_only(ends), *map(read_only, pair), 0.75)[0]
 
 
 def test_rows_follow_their_labels_into_groups_but_for_those_without_one():
     labels, groups = np.array([2, -1, 0, 2, 1]), np.array([7, 4, 9])
-    found = regrouped(read_only(labels), read_only(groups))
+    found = relabelled(read_only(labels), read_only(groups))
     assert found.tolist() == [9, -1, 7, 9, 4]

@@ -3,12 +3,12 @@ import pytest
 
 from reference import grouping
 from scanlock.arrays import read_only
-from scanlock.kernels.ground.splitting import cut_by_extent
+from scanlock.kernels.ground.splitting import split_by_extent
 
 
 def _cut(points, labels, parts, radius):
     """Labels and their number, of the runs that the kernel leaves."""
-    rows, runs, _ = cut_by_extent(
+    rows, runs, _ = split_by_extent(
         read_only(points), read_only(labels), parts, read_only(np.array([float(radius)])), True
     )
     assert sorted(rows) == np.flatnonzero(labels >= 0).tolist()
@@ -73,8 +73,8 @@ def test_moments_of_all_runs_at_all_radii_are_those_of_their_points():
     labels = rng.integers(-1, 3, 700)
     radii = np.array([30.0, 5.0, 2.0, 0.5])
     arguments = read_only(points), read_only(labels), 3, read_only(radii)
-    rows, runs, moments = cut_by_extent(*arguments, True)
-    none, same_runs, same_moments = cut_by_extent(*arguments, False)
+    rows, runs, moments = split_by_extent(*arguments, True)
+    none, same_runs, same_moments = split_by_extent(*arguments, False)
     assert len(none) == 0
     np.testing.assert_array_equal(same_runs, runs)
     np.testing.assert_array_equal(same_moments, moments)

@@ -6,12 +6,14 @@ from hypothesis.extra.numpy import arrays
 
 from reference import neighbourhood_sums as reference
 from scanlock.arrays import read_only
-from scanlock.kernels.points.neighbourhood_sums import sorted_by_cube, sums_near
+from scanlock.kernels.points.neighbourhood_sums import sorted_by_voxel, sums_within_radius
 
 
 def _sums_near(points, probes, radius, edge=1.0):
-    ordered, starts = sorted_by_cube(read_only(points), edge)
-    return sums_near(read_only(ordered), read_only(starts), edge, read_only(probes), radius)
+    ordered, starts = sorted_by_voxel(read_only(points), edge)
+    return sums_within_radius(
+        read_only(ordered), read_only(starts), edge, read_only(probes), radius
+    )
 
 
 @pytest.mark.parametrize("edge", [0.3, 1.0, 7.0])
@@ -22,7 +24,7 @@ def test_sums_match_the_definition(count, radius, edge):
     points = rng.uniform(-4.0, 4.0, (count, 3))
     probes = rng.uniform(-5.0, 5.0, (60, 3))
     found = _sums_near(points, probes, radius, edge)
-    expected = reference.sums_near(points, probes, radius)
+    expected = reference.sums_within_radius(points, probes, radius)
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     assert count < 255 or radius < 0.5 or expected[:, 0].max() > 0
 
@@ -32,7 +34,7 @@ def test_probes_in_one_place_and_far_from_zero_are_each_counted_once():
     points = np.array([[1e6, -1e6, 3.0], [1e6 + 0.1, -1e6, 3.0], [1e6, -1e6, 9.0]])
     probes = np.repeat(points[:1], 5, axis=0)
     found = _sums_near(points, probes, 0.5)
-    np.testing.assert_allclose(found, reference.sums_near(points, probes, 0.5), atol=1e-9)
+    np.testing.assert_allclose(found, reference.sums_within_radius(points, probes, 0.5), atol=1e-9)
     assert (found[:, 0] == 2.0).all()
 
 
@@ -47,7 +49,7 @@ def test_nothing_is_near_no_points_and_no_probes():
     st.sampled_from([0.25, 1.0, 50.0]),
 )
 def test_points_are_sorted_by_cube_and_none_is_lost(points, edge):
-    ordered, starts = sorted_by_cube(read_only(points), edge)
+    ordered, starts = sorted_by_voxel(read_only(points), edge)
     assert sorted(map(tuple, ordered)) == sorted(map(tuple, points))
     assert starts[0] == 0
     assert starts[-1] == len(points)

@@ -6,11 +6,11 @@ from reference.gaussian_overlap import overlaps
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.verification.overlap import met_and_score
+from scanlock.kernels.verification.overlap import overlap_masks_and_score
 
 
 def _met_and_score(target, source, limit):
-    return met_and_score(
+    return overlap_masks_and_score(
         target.means,
         target.packed_covariances,
         target.max_variances,

@@ -5,13 +5,13 @@ from reference import gaussian_scores as reference
 from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.verification.score_profile import slid_scores
+from scanlock.kernels.verification.score_profile import scores_along_direction
 
 _STEP, _REACH = 0.5, 6
 
 
 def _slid(target, source, direction, across):
-    return slid_scores(
+    return scores_along_direction(
         target.means,
         target.packed_covariances,
         target.max_variances,

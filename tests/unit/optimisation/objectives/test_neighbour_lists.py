@@ -6,9 +6,9 @@ from reference.samples import gaussians
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.gaussians.neighbour_lists import (
-    centre_and_arms,
+    centroid_and_distances,
+    neighbour_lists,
     sorted_by_cell,
-    targets_in_reach,
 )
 from scanlock.optimisation.objectives import neighbour_lists as module
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
@@ -60,7 +60,7 @@ def test_targets_in_range_match_the_definition(seed, spread):
     pose = _step(rng, 0.1)
     margins = rng.uniform(0.0, 5.0, 90)
     *order, side, columns, rows = sorted_by_cell(target.means, target.max_variances, 3.0)
-    ends, members = targets_in_reach(
+    ends, members = neighbour_lists(
         *(read_only(array) for array in order), side, columns, rows, target.max_variances.max(),
         source.means, source.max_variances, read_only(margins), pose.rotation,
         pose.translation, 9.0,
@@ -96,7 +96,7 @@ def test_sorted_targets_lie_in_their_cells_and_cells_are_limited(side):
 @pytest.mark.parametrize("count", [0, 1, 77])
 def test_centre_and_arms_match_the_definition(count):
     means = np.random.default_rng(12).normal(40.0, 20.0, (count, 3))
-    centre, arms = centre_and_arms(read_only(means))
+    centre, arms = centroid_and_distances(read_only(means))
     expected = means.mean(axis=0) if count else np.zeros(3)
     np.testing.assert_allclose(centre, expected, rtol=1e-14)
     np.testing.assert_allclose(arms, np.linalg.norm(means - expected, axis=1), atol=1e-12)

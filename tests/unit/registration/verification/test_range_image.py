@@ -11,9 +11,9 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.verification.range_image import (
+    build_range_image,
     free_space_violation,
-    nearest_around,
-    nearest_ranges,
+    minimum_filtered,
 )
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.finder import GroundFinder
@@ -48,21 +48,21 @@ def _points_around(rng, count):
 
 def test_nearest_ranges_match_the_definition():
     points = _points_around(np.random.default_rng(0), 2000)
-    expected = reference.nearest_ranges(points, 9)
-    np.testing.assert_allclose(nearest_ranges(read_only(points), 9), expected, rtol=1e-12)
+    expected = reference.build_range_image(points, 9)
+    np.testing.assert_allclose(build_range_image(read_only(points), 9), expected, rtol=1e-12)
     assert np.isfinite(expected).mean() > 0.5
 
 
 @pytest.mark.parametrize("neighbourhood", [0, 1, 3])
 def test_nearest_ranges_around_match_the_definition(neighbourhood):
-    ranges = reference.nearest_ranges(_points_around(np.random.default_rng(1), 300), 9)
-    found = nearest_around(read_only(ranges), neighbourhood)
-    np.testing.assert_array_equal(found, reference.nearest_around(ranges, neighbourhood))
+    ranges = reference.build_range_image(_points_around(np.random.default_rng(1), 300), 9)
+    found = minimum_filtered(read_only(ranges), neighbourhood)
+    np.testing.assert_array_equal(found, reference.minimum_filtered(ranges, neighbourhood))
 
 
 def test_the_free_space_violation_matches_the_definition():
     rng = np.random.default_rng(2)
-    ranges = reference.nearest_ranges(_points_around(rng, 900), 9)
+    ranges = reference.build_range_image(_points_around(rng, 900), 9)
     points, weights = _points_around(rng, 500), rng.random(500)
     pose = Pose(exp_rotation(np.array([0.2, -0.1, 1.0])), np.array([1.0, -2.0, 0.5]))
     found = free_space_violation(
@@ -85,7 +85,7 @@ def test_the_free_space_violation_matches_the_definition():
 
 
 def test_every_cell_has_a_direction():
-    image = nearest_ranges(read_only(reference.every_cell(7)), 7)
+    image = build_range_image(read_only(reference.every_cell(7)), 7)
     assert np.isfinite(image).all()
 
 

@@ -14,15 +14,15 @@ from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.kernels.ground import model as on_model
 from scanlock.kernels.ground import point_passes as passes
 from scanlock.kernels.ground.envelope import lower_envelope
-from scanlock.kernels.ground.model import heights_of_patches
+from scanlock.kernels.ground.model import blended_patch_heights
 from scanlock.kernels.ground.patches import grow_patches
 from scanlock.kernels.ground.plane import (
-    best_triple_plane,
-    flattest_direction,
-    plane_columns,
+    best_sampled_plane,
     plane_moments,
     plane_score,
     refined_plane,
+    smallest_eigenvector,
+    weighted_columns,
 )
 from scanlock.segmentation.ground.plane import fit_base_plane
 
@@ -43,7 +43,7 @@ def _low(seed):
     """Coordinates and cells of the low points of the hills."""
     points = _hills(seed)
     cells = _GRID.cells(points)
-    lowest = passes.lowest_in_cells(points, cells, _GRID.sectors * _GRID.bins, 1)
+    lowest = passes.lowest_points(points, cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     low = points[lowest[own]]
     return [read_only(column) for column in low.T], read_only(own), low
@@ -61,15 +61,15 @@ def test_lowest_points_and_counts(seed):
     points = read_only(np.vstack([points, points[:50]]))
     cells = _GRID.cells(points)
     count = _GRID.sectors * _GRID.bins
-    expected, filled = slow.lowest_in_cells(points, cells, count)
+    expected, filled = slow.lowest_points(points, cells, count)
     for min_points in (4, 1):
-        lowest = passes.lowest_in_cells(points, cells, count, min_points)
+        lowest = passes.lowest_points(points, cells, count, min_points)
         occupied = lowest >= 0
         assert 0 < occupied.sum() < count
         assert (occupied == (filled >= min_points)).all()
         assert (points[lowest[occupied]] == points[expected[occupied]]).all()
 
-    low, ranges, own, starts = passes.gathered_prototypes(points, read_only(lowest), _GRID.sectors)
+    low, ranges, own, starts = passes.gather_prototypes(points, read_only(lowest), _GRID.sectors)
     assert (own == np.flatnonzero(lowest >= 0)).all()
     assert (low == points[lowest[own]]).all()
     assert np.allclose(ranges, np.hypot(*low[:, :2].T), rtol=1e-15)
@@ -95,7 +95,7 @@ def test_heights_above_knots_are_broken_lines():
     knots[::5, 1] = np.nan
     knots[:, 4] = rng.uniform(0.1, 0.6, len(knots))
     plane = np.array([0.1, 0.0, 0.9, -0.4])
-    height, is_ground, is_below, near, close = passes.split_by_knots(
+    height, is_ground, is_below, near, close = passes.classify_points(
         points, cells, read_only(plane), read_only(knots), 0.5
     )
     for point, cell, found in zip(points, cells, height, strict=True):
@@ -115,7 +115,7 @@ def test_heights_above_knots_are_broken_lines():
 def test_turned_points():
     points = _hills(0, 50)
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
-    rotated = passes.turned_points(points, read_only(rotation))
+    rotated = passes.rotated_points(points, read_only(rotation))
     assert np.allclose(rotated, points @ rotation.T)
 
 
@@ -137,7 +137,7 @@ def test_only_a_lower_level_and_not_a_few_reflections_lowers_the_envelope(count,
     nearest = np.argsort(np.linalg.norm(points - [15, 3, 0], axis=1))
     points[nearest[:count], 2] = -4.0
     cells = _GRID.cells(points)
-    lowest = passes.lowest_in_cells(read_only(points), cells, _GRID.sectors * _GRID.bins, 1)
+    lowest = passes.lowest_points(read_only(points), cells, _GRID.sectors * _GRID.bins, 1)
     own = np.flatnonzero(lowest >= 0)
     x, y, z = (read_only(column) for column in points[lowest[own]].T)
     above = z - lower_envelope(x, y, z, read_only(own), _starts(own), _GRID.bins, 0.6, 0.1, 3)
@@ -150,7 +150,7 @@ def test_plane_scores_and_moments():
     weights, thresholds = rng.random(400), rng.uniform(0.2, 0.6, 400)
     normal = np.array([0.1, -0.05, 1.0]) / np.linalg.norm([0.1, -0.05, 1.0])
     columns = [read_only(column) for column in (*low.T, weights, 1 / thresholds)]
-    measured = plane_columns(read_only(low), 10.0, 0.2, 0.02)
+    measured = weighted_columns(read_only(low), 10.0, 0.2, 0.02)
     ranges = np.hypot(*low[:, :2].T)
     proximity = 1 / (10 + ranges)
     direct = [*low.T, proximity / proximity.sum(), 1 / (0.2 + 0.02 * ranges)]
@@ -180,7 +180,7 @@ def test_plane_scores_and_moments():
 def test_the_flattest_direction_is_the_eigenvector_of_the_smallest_eigenvalue(rows, scale):
     scatter = rows.T @ rows * scale
     values, axes = np.linalg.eigh(scatter)
-    found = np.array(flattest_direction(scatter.copy()))
+    found = np.array(smallest_eigenvector(scatter.copy()))
     assert np.linalg.norm(found) == pytest.approx(1)
     assert found[2] >= 0
     assert found @ scatter @ found == pytest.approx(values[0], abs=1e-13 * values[2])
@@ -228,7 +228,7 @@ def test_patches_grow_by_their_definition(seed):
     assert accepted.sum() > 10
     assert np.allclose(patches[accepted], expected[0][accepted], atol=1e-9)
 
-    heights = heights_of_patches(
+    heights = blended_patch_heights(
         x, y, read_only(patch), read_only(patches), read_only(accepted), sectors, rings
     )
     expected_heights = [
@@ -267,7 +267,7 @@ def test_seeds_are_on_the_envelope_and_near_the_base():
     ranges = rng.uniform(0, 60, 300)
     sharp, on_envelope = rng.random((2, 300)) < 0.6
     columns = [read_only(array) for array in (heights, base, ranges, sharp, on_envelope)]
-    above, seeds, max_residuals = on_model.seeds_on_base(*columns, 0.3, 50.0, 0.15)
+    above, seeds, max_residuals = on_model.select_seeds(*columns, 0.3, 50.0, 0.15)
     assert np.array_equal(above, heights - base, equal_nan=True)
     assert max_residuals.tolist() == np.where(sharp, np.inf, 0.15).tolist()
     near = np.abs(above) < np.where(sharp, 0.3, 0.15)
@@ -309,10 +309,10 @@ def test_the_extent_of_chosen_points(seed):
 
 def test_every_kernel_has_one_compiled_signature():
     for kernel in (
-        passes.lowest_in_cells, passes.gathered_prototypes, passes.sharp_prototypes,
-        passes.split_by_knots, passes.turned_points,
-        lower_envelope, grow_patches, heights_of_patches, best_triple_plane, refined_plane,
-        plane_columns, on_model.prototype_patches, on_model.patch_members, on_model.seeds_on_base,
+        passes.lowest_points, passes.gather_prototypes, passes.sharp_prototypes,
+        passes.classify_points, passes.rotated_points,
+        lower_envelope, grow_patches, blended_patch_heights, best_sampled_plane, refined_plane,
+        weighted_columns, on_model.prototype_patches, on_model.patch_members, on_model.select_seeds,
         on_model.knots_between_prototypes, on_model.extent,
     ):  # fmt: skip
         assert len(getattr(kernel, "signatures", ())) <= 1, kernel
