@@ -157,7 +157,7 @@ class RegistrationResult:
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
             **self.origins.as_dict(self.target_from_source),
-            "probability": self.probability,
+            "probability": _number(self.probability),
             "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
             "directions": [
                 {
