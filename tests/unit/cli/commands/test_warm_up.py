@@ -23,7 +23,7 @@ from scanlock.cli import main
 with contextlib.redirect_stdout(io.StringIO()) as out:
     assert main(["warmup"]) == 0
 assert "compiled" in out.getvalue()
-assert "kept in" in out.getvalue()
+assert "cached in" in out.getvalue()
 
 package = pathlib.Path(scanlock.__file__).parent
 callers = "".join(
@@ -60,8 +60,8 @@ def test_a_second_time_there_is_nothing_to_compile(scanlock):
     assert (done.code, done.err) == (0, "")
     first, second = done.out.splitlines()
     assert re.fullmatch(r"everything was compiled already; loaded it in [\d.]+ s", first)
-    assert second.startswith("kept in ")
-    assert os.path.isdir(second.removeprefix("kept in "))
+    assert second.startswith("cached in ")
+    assert os.path.isdir(second.removeprefix("cached in "))
 
 
 @pytest.mark.parametrize(
