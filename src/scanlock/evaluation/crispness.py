@@ -1,6 +1,6 @@
 """Crispness of a map: its number of occupied voxels (Das et al. 2013, section VIII-A).
 
-The measure is that of Douillard et al. 2012. Registration errors blur walls and trunks over more
+The measure is that of Douillard et al. 2012. Registration errors thicken walls and trunks to more
 voxels, so fewer is better. It compares maps of the same scans only.
 """
 
