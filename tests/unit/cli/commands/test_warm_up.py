@@ -35,7 +35,7 @@ cold = []
 found = 0
 for module in pkgutil.walk_packages(scanlock.kernels.__path__, "scanlock.kernels."):
     for name, value in vars(importlib.import_module(module.name)).items():
-        if name.startswith("_") or getattr(value, "__module__", "") != module.name:
+        if "._" in module.name or getattr(value, "__module__", "") != module.name:
             continue
         if hasattr(value, "signatures") and re.search(rf"\\b{name}[(]", callers):
             found += 1
