@@ -34,8 +34,10 @@ callers = "".join(
 cold = []
 found = 0
 for module in pkgutil.walk_packages(scanlock.kernels.__path__, "scanlock.kernels."):
+    if "._" in module.name:
+        continue
     for name, value in vars(importlib.import_module(module.name)).items():
-        if "._" in module.name or getattr(value, "__module__", "") != module.name:
+        if name.startswith("_") or getattr(value, "__module__", "") != module.name:
             continue
         if hasattr(value, "signatures") and re.search(rf"\\b{name}[(]", callers):
             found += 1
