@@ -171,7 +171,7 @@ class ScoredPeer:
 
 
 def small_gicp_scored() -> ScoredPeer:
-    """Return G-ICP of small_gicp with its convergence flag and its share of inliers."""
+    """Return G-ICP of small_gicp with its convergence flag and its inlier ratio."""
     import small_gicp
 
     def run(source: Cloud, target: Cloud, start: Pose | None) -> PoseClaimScore:

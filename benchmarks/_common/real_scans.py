@@ -31,15 +31,15 @@ class RealPair:
     truth: Pose
 
 
-def kitti_drive(data: Path, apart: int) -> Iterator[RealPair]:
+def kitti_drive(data: Path, step: int) -> Iterator[RealPair]:
     """Yield pairs of a city drive (HDL-64E) with consensus poses."""
     folder = data / "kitti_drive_0005"
     pairs = json.loads((folder / "consensus_pairs.json").read_text())
     for key, pair in pairs.items():
         i, j = (int(index) for index in key.split("_"))
-        if j - i == apart:
+        if j - i == step:
             yield RealPair(
-                group=f"kitti_drive_0005, {apart} apart",
+                group=f"kitti_drive_0005, {step} apart",
                 name=f"{i}-{j}",
                 load_target=partial(floats, _drive_file(folder, i), 4),
                 load_source=partial(floats, _drive_file(folder, j), 4),
@@ -47,35 +47,35 @@ def kitti_drive(data: Path, apart: int) -> Iterator[RealPair]:
             )
 
 
-def kitti_drive_far(data: Path, apart: int, step: int = 2) -> Iterator[RealPair]:
+def kitti_drive_far(data: Path, step: int, every: int = 2) -> Iterator[RealPair]:
     """Yield pairs beyond the range of the consensus, with chained poses."""
     folder = data / "kitti_drive_0005"
     rows = np.loadtxt(folder / "consensus_chain.txt")
     poses = [Pose.from_matrix(row.reshape(3, 4)) for row in rows]
-    for i in range(0, len(poses) - apart, step):
+    for i in range(0, len(poses) - step, every):
         yield RealPair(
-            group=f"kitti_drive_0005, {apart} apart",
-            name=f"{i}-{i + apart}",
+            group=f"kitti_drive_0005, {step} apart",
+            name=f"{i}-{i + step}",
             load_target=partial(floats, _drive_file(folder, i), 4),
-            load_source=partial(floats, _drive_file(folder, i + apart), 4),
-            truth=poses[i].inverse() @ poses[i + apart],
+            load_source=partial(floats, _drive_file(folder, i + step), 4),
+            truth=poses[i].inverse() @ poses[i + step],
         )
 
 
-def kitti_00(data: Path, apart: int = 5) -> Iterator[RealPair]:
+def kitti_00(data: Path, step: int = 5) -> Iterator[RealPair]:
     """Yield pairs of a suburban drive (HDL-64E) with poses of KISS-ICP."""
     folder = data / "kitti_00"
     rows = np.loadtxt(folder / "poses_velo_kissicp_ref.txt")
     poses = {int(row[0]): Pose.from_matrix(row[1:].reshape(3, 4)) for row in rows}
     scans = {i for i in poses if (folder / "velodyne" / f"{i:06d}.bin").exists()}
     for i in sorted(scans):
-        if i + apart in scans:
+        if i + step in scans:
             yield RealPair(
-                group=f"kitti_00, {apart} apart",
-                name=f"{i}-{i + apart}",
+                group=f"kitti_00, {step} apart",
+                name=f"{i}-{i + step}",
                 load_target=partial(floats, folder / "velodyne" / f"{i:06d}.bin", 4),
-                load_source=partial(floats, folder / "velodyne" / f"{i + apart:06d}.bin", 4),
-                truth=poses[i].inverse() @ poses[i + apart],
+                load_source=partial(floats, folder / "velodyne" / f"{i + step:06d}.bin", 4),
+                truth=poses[i].inverse() @ poses[i + step],
             )
 
 
@@ -125,14 +125,14 @@ def newer_college(data: Path) -> Iterator[RealPair]:
     for line in (folder / "graph.txt").read_text().splitlines():
         numbers = np.array(line.split()[1:8], dtype=np.float64)
         poses.append(Pose(Rotation.from_quat(numbers[3:]).as_matrix(), numbers[:3]))
-    for apart in range(1, 5):
-        for i in range(5 - apart):
+    for step in range(1, 5):
+        for i in range(5 - step):
             yield RealPair(
-                group=f"newer_01, {apart} apart",
-                name=f"{i}-{i + apart}",
+                group=f"newer_01, {step} apart",
+                name=f"{i}-{i + step}",
                 load_target=partial(newer_scan, folder, i),
-                load_source=partial(newer_scan, folder, i + apart),
-                truth=poses[i].inverse() @ poses[i + apart],
+                load_source=partial(newer_scan, folder, i + step),
+                truth=poses[i].inverse() @ poses[i + step],
             )
 
 
@@ -154,17 +154,17 @@ def car_cloud(data: Path) -> Iterator[RealPair]:
     )
 
 
-def handheld(data: Path, apart: int) -> Iterator[RealPair]:
+def handheld(data: Path, step: int) -> Iterator[RealPair]:
     """Yield every second pair of a handheld sequence with refined poses."""
     folder = data / "handheld_balm"
     poses = [Pose.from_matrix(row.reshape(3, 4)) for row in np.loadtxt(folder / "poses.txt")]
-    for i in range(0, len(poses) - apart, 2):
+    for i in range(0, len(poses) - step, 2):
         yield RealPair(
-            group=f"handheld_balm, {apart} apart",
-            name=f"{i}-{i + apart}",
+            group=f"handheld_balm, {step} apart",
+            name=f"{i}-{i + step}",
             load_target=partial(floats, folder / "scans" / f"{i:06d}.bin", 3),
-            load_source=partial(floats, folder / "scans" / f"{i + apart:06d}.bin", 3),
-            truth=poses[i].inverse() @ poses[i + apart],
+            load_source=partial(floats, folder / "scans" / f"{i + step:06d}.bin", 3),
+            truth=poses[i].inverse() @ poses[i + step],
         )
 
 

@@ -25,14 +25,14 @@ TOLERANCES = {
 
 def all_pairs(data: Path) -> Iterator[RealPair]:
     """Yield the pairs of all data sets, grouped by data set and distance."""
-    for apart in (5, 10, 20):
-        yield from real_scans.kitti_drive(data, apart)
-    for apart in (30, 45, 55):
-        yield from real_scans.kitti_drive_far(data, apart)
-    for apart in (1, 5, 10, 15):
-        yield from real_scans.kitti_00(data, apart)
-    for apart in (1, 3, 6, 10):
-        yield from real_scans.handheld(data, apart)
+    for step in (5, 10, 20):
+        yield from real_scans.kitti_drive(data, step)
+    for step in (30, 45, 55):
+        yield from real_scans.kitti_drive_far(data, step)
+    for step in (1, 5, 10, 15):
+        yield from real_scans.kitti_00(data, step)
+    for step in (1, 3, 6, 10):
+        yield from real_scans.handheld(data, step)
     yield from real_scans.newer_college(data)
     yield from real_scans.forest(data)
     yield from real_scans.hdl32(data)

@@ -2,5 +2,5 @@
 
 ``real_pairs`` and ``simulated_pairs`` register from the identity, ``split_scans`` registers two
 halves of one scan, ``settings`` changes one setting at a time, and ``ground`` scores ground
-segmentation.
+segmentation. Far starts and success rates belong to ``robustness``.
 """

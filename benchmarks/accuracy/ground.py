@@ -258,15 +258,15 @@ def _quiet() -> Iterator[None]:
             os.close(previous)
 
 
-def agreement(data: Path, apart: int = 10, every: int = 7) -> Iterator[tuple[str, float, float]]:
-    """Yield the share of points with the same label in two scans, by method.
+def agreement(data: Path, step: int = 10, every: int = 7) -> Iterator[tuple[str, float, float]]:
+    """Yield the ratio of points with the same label in two scans, by method.
 
-    Two scans of the drive, `apart` scans apart, are aligned by their consensus pose. A point is
-    compared with the nearest point of the other scan within 0.2 m. The second share is over the
+    Two scans of the drive, `step` scans apart, are aligned by their consensus pose. A point is
+    compared with the nearest point of the other scan within 0.2 m. The second ratio is over the
     points between 0.3 and 2 m above the base plane of the default method.
     """
     totals: dict[str, list[tuple[float, float]]] = {}
-    for pair in list(kitti_drive(data, apart))[::every]:
+    for pair in list(kitti_drive(data, step))[::every]:
         clouds = pair.load_target(), pair.load_source()
         both = [Case("", points, np.zeros(0), np.zeros(0), known_height=1.79) for points in clouds]
         distance, nearest = cKDTree(clouds[0]).query(pair.truth.apply(clouds[1]), workers=1)
@@ -277,8 +277,8 @@ def agreement(data: Path, apart: int = 10, every: int = 7) -> Iterator[tuple[str
         for (name, first, _), (_, second, _) in zip(*map(methods, both), strict=True):
             same = first()[nearest] == second()
             totals.setdefault(name, []).append((same[matched].mean(), same[raised].mean()))
-    for name, shares in totals.items():
-        everywhere, raised = np.mean(shares, axis=0)
+    for name, ratios in totals.items():
+        everywhere, raised = np.mean(ratios, axis=0)
         yield name, float(everywhere), float(raised)
 
 
@@ -297,7 +297,7 @@ def main() -> None:
             ("method", "all points", "0.3 to 2 m above ground"),
             ((name, f"{a:.4f}", f"{b:.4f}") for name, a, b in agreement(data)),
             title="agreement",
-            note="Drive 0005, scans ten apart: share of points with the same label in both scans.",
+            note="Drive 0005, scans ten apart: ratio of points with the same label in both scans.",
         )
 
 

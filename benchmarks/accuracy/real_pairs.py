@@ -70,8 +70,8 @@ def all_pairs(data: Path) -> Iterator[RealPair]:
     yield from real_scans.car_cloud(data)
     yield from real_scans.terrestrial(data)
     yield from real_scans.rellis(data)
-    for apart in (1, 3, 6, 10):
-        yield from real_scans.handheld(data, apart)
+    for step in (1, 3, 6, 10):
+        yield from real_scans.handheld(data, step)
 
 
 def attempts(contender: Contender, pairs: Sequence[RealPair], each: bool) -> Iterator[Attempt]:

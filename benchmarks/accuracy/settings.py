@@ -104,7 +104,7 @@ def main() -> None:
     parser = make_parser(__doc__, data=True)
     parser.add_argument("--only", default="", help="only variants with this text in the name")
     arguments = parser.parse_args()
-    groups = [list(kitti_drive(arguments.data, apart)) for apart in (10, 20)]
+    groups = [list(kitti_drive(arguments.data, step)) for step in (10, 20)]
     results = Results(arguments.json)
     results.print_machine()
 

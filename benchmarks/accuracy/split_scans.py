@@ -3,8 +3,8 @@
     python -m benchmarks.accuracy.split_scans --data FOLDER [--motions 20] [--no-peers]
 
 The points of a scan are divided at random. One half is moved by up to 1 m, 10 degrees of yaw and 2
-degrees of tilt; this motion is the exact truth, and methods start from it. The errors are those of
-sampling and noise alone. One table per scan, then one over all scans.
+degrees of roll and pitch; this motion is the exact truth, and methods start from it. The errors are
+those of sampling and noise alone. One table per scan, then one over all scans.
 """
 
 import zlib

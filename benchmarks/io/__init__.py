@@ -1,1 +1,4 @@
-"""Readers, writers and commands under damaged files (``fuzz_readers``) and ``interrupts``."""
+"""Readers and writers under damaged files (``fuzz_readers``), and commands under ``interrupts``.
+
+Registration of unusable points belongs to ``robustness``.
+"""

@@ -162,7 +162,7 @@ def rows(rounds: int, rng: np.random.Generator, total: Counter[str]) -> Iterator
             delays = rng.uniform(_MIN_DELAY, seconds, rounds)
             interruptions, found = sweep(name, complete, number, delays.tolist())
             total.update(found)
-            text = "; ".join(f"{count} x {what}" for what, count in found.items())
+            text = "; ".join(f"{count} x {kind}" for kind, count in found.items())
             yield name, f"{number.name}, {code}", f"{rounds}", f"{interruptions}", text or "none"
 
 

@@ -73,8 +73,8 @@ def real_tasks(data: Path, count: int) -> Iterator[Task]:
     columns = {
         "city, 10 apart": list(real_scans.kitti_drive(data, 10))[::2],
         "city, far": [
-            *(pair for apart in (30, 45, 55) for pair in real_scans.kitti_drive_far(data, apart)),
-            *(pair for apart in (10, 15) for pair in real_scans.kitti_00(data, apart)),
+            *(pair for step in (30, 45, 55) for pair in real_scans.kitti_drive_far(data, step)),
+            *(pair for step in (10, 15) for pair in real_scans.kitti_00(data, step)),
         ],
         "handheld, 10": list(real_scans.handheld(data, 10)),
         "handheld, 15": list(real_scans.handheld(data, 15)),

@@ -265,7 +265,10 @@ def main() -> None:
     rows = [
         [
             name,
-            *(", ".join(f"{n} {what}" for what, n in sorted(row[tool].items())) for tool in names),
+            *(
+                ", ".join(f"{n} {outcome}" for outcome, n in sorted(row[tool].items()))
+                for tool in names
+            ),
         ]
         for name, row in found.items()
     ]

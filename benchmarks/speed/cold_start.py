@@ -5,7 +5,7 @@
 Every number is measured in new processes. First table: start with machine code on disk, with
 Python's bytecode on disk as usual and without (PYTHONDONTWRITEBYTECODE). Second table: ``scanlock
 warmup`` into an empty folder, on one core and on all. Third table: CPU time of compilation in one
-process, by kernel, with the share of Numba's own functions.
+process, by kernel, with the fraction of Numba's own functions.
 """
 
 import os

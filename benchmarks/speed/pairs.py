@@ -55,8 +55,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.registry import METHODS
 
 GROUPS: dict[str, Callable[[Path], Iterator[RealPair]]] = {
-    "city": partial(real_scans.kitti_drive, apart=10),
-    "handheld": partial(real_scans.handheld, apart=3),
+    "city": partial(real_scans.kitti_drive, step=10),
+    "handheld": partial(real_scans.handheld, step=3),
     "newer": real_scans.newer_college,
     "hdl32": real_scans.hdl32,
 }

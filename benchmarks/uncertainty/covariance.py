@@ -5,7 +5,7 @@
 
 Simulated pairs have an exact pose: streets, forests and rugged ground, one scene per pair, three
 sensors, 1 to 5 m and up to 15 degrees apart, with independent noise. Halves of real scans (see
-`split_scans`) have one too, but share their viewpoint, so errors caused by the viewpoint do not
+`split_scans`) have one too, but the same viewpoint, so errors caused by the viewpoint do not
 appear. Methods start 0.35 m and 1 degree from the exact pose.
 
 A covariance describes one minimum, and the status indicates whether it is the correct one. The

@@ -99,8 +99,8 @@ def run(work: Callable[[], Iterator[Case]], every: int) -> list[dict[str, Any]]:
     return found
 
 
-def parts_of(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Case]]]:
-    """Return the cases in parts that can run in parallel."""
+def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Case]]]:
+    """Return the cases in batches that can run in parallel."""
     work: list[Callable[[], Iterator[Case]]] = []
     if arguments.data is not None:
         groups: dict[str, list[str]] = {}
@@ -144,12 +144,12 @@ def main() -> None:
     parser.add_argument("--peer-every", type=int, default=0, help="peers get every K-th case")
     arguments = parser.parse_args()
     results = Results(arguments.json)
-    work = parts_of(arguments)
+    work = case_batches(arguments)
     found: list[dict[str, Any]] = []
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for number, trials in enumerate(pool.map(partial(run, every=arguments.peer_every), work)):
             found += trials
-            # After every part, so that an interrupted run keeps its trials.
+            # After every batch, so that an interrupted run keeps its trials.
             columns = {name: np.array([trial[name] for trial in found]) for name in found[0]}
             np.savez_compressed(arguments.output, **columns)
             print(f"{number + 1} of {len(work)}: {len(found)} trials", flush=True)

@@ -154,7 +154,7 @@ def main() -> None:
 
 
 def reliability(predicted: Numbers, right: NDArray[np.bool_]) -> list[list[str]]:
-    """Return mean probability and share of correct poses by bins of the probability."""
+    """Return mean probability and ratio of correct poses by bins of the probability."""
     bins = np.digitize(predicted, _BINS[1:-1])
     return [
         [

@@ -1,10 +1,14 @@
-"""Rules of the house that no single module can keep alone."""
+"""Rules for the repository as a whole: imports, docstrings, layers and public names."""
 
 import ast
+import dataclasses
+import importlib
+import inspect
 import os
 import re
 import subprocess
 import sys
+import textwrap
 import tomllib
 from pathlib import Path
 
@@ -14,7 +18,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGE = _ROOT / "src" / "scanlock"
 _MODULES = sorted(_PACKAGE.rglob("*.py"))
 _KERNELS = sorted((_PACKAGE / "kernels").rglob("*.py"))
-_MOST_LINES = 350
+_MAX_LINES = 350
 
 
 def _name(path):
@@ -75,9 +79,30 @@ print(compiled, [m for m in ["matplotlib", "laspy"] if m in sys.modules])
 @pytest.mark.parametrize("path", _MODULES, ids=_name)
 def test_a_module_is_short_and_says_what_it_is_for(path):
     text = path.read_text(encoding="utf-8")
-    assert len(text.splitlines()) < _MOST_LINES
+    assert len(text.splitlines()) < _MAX_LINES
     assert "TODO" not in text
     assert ast.get_docstring(ast.parse(text))
+
+
+_PACKAGES = [
+    path for folder in (_PACKAGE, _ROOT / "benchmarks") for path in folder.rglob("__init__.py")
+]
+
+
+@pytest.mark.parametrize("path", sorted(_PACKAGES), ids=lambda path: path.parent.name)
+def test_a_package_docstring_says_what_does_not_belong_there(path):
+    docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+    summary, _, rest = docstring.partition("\n\n")
+    assert summary.endswith(".")
+    elsewhere = re.findall(r"belongs? to|(?:is|are) [^.]*\bin\b|[Bb]eside|tested in", rest)
+    assert elsewhere, f"{path}: name the package that similar code belongs to"
+
+
+def test_the_page_of_tests_has_a_row_for_each_folder():
+    page = (_ROOT / "tests" / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)/` \| [^|]+ \| [^|]+ \|$", page, flags=re.MULTILINE)
+    folders = {path.name for path in (_ROOT / "tests").iterdir() if path.is_dir()}
+    assert set(rows) == folders - {"__pycache__"}
 
 
 @pytest.mark.parametrize("path", _KERNELS, ids=_name)
@@ -136,6 +161,98 @@ def test_every_public_name_is_listed_once_and_can_be_imported():
     assert len(set(scanlock.__all__)) == len(scanlock.__all__) > 40
     for name in scanlock.__all__:
         assert getattr(scanlock, name).__doc__
+
+
+def _public_objects():
+    """Public functions and classes by name."""
+    found = {}
+    for package in (
+        "scanlock",
+        "scanlock.io",
+        "scanlock.simulation",
+        "scanlock.optimisation.solvers",
+        "scanlock.optimisation.objectives",
+    ):
+        module = importlib.import_module(package)
+        for name in module.__all__:
+            value = getattr(module, name)
+            if inspect.isfunction(value) or inspect.isclass(value):
+                found.setdefault(value, f"{package}.{name}")
+    return {name: value for value, name in found.items()}
+
+
+def _public_functions():
+    """Public functions, and public methods of public classes, by name."""
+    found = {}
+    for name, value in _public_objects().items():
+        if inspect.isfunction(value):
+            found[name] = value
+            continue
+        for own, member in vars(value).items():
+            function = getattr(member, "__func__", member)
+            if inspect.isfunction(function) and not own.startswith("_"):
+                found[f"{name}.{own}"] = function
+    return found
+
+
+_OBJECTS = _public_objects()
+_FUNCTIONS = _public_functions()
+_DATACLASSES = [name for name, value in _OBJECTS.items() if dataclasses.is_dataclass(value)]
+
+
+def _section(docstring, title):
+    """The lines of a section of a docstring in the style of numpydoc."""
+    found = re.search(
+        rf"^{title}\n-+\n(.*?)(?=^\w[\w ]*\n---|\Z)", docstring, re.MULTILINE | re.DOTALL
+    )
+    return found[1].splitlines() if found else []
+
+
+def _entries(docstring, title):
+    """The names that a section describes."""
+    heads = [line for line in _section(docstring, title) if line and not line[0].isspace()]
+    return {name.strip() for head in heads for name in head.split(" : ")[0].split(",")}
+
+
+def _attribute_docstrings(cls):
+    """The names of the fields that are followed by a string in the source of a class."""
+    [node] = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    return {
+        field.target.id
+        for field, text in zip(node.body, node.body[1:], strict=False)
+        if isinstance(field, ast.AnnAssign)
+        and isinstance(field.target, ast.Name)
+        and isinstance(text, ast.Expr)
+        and isinstance(text.value, ast.Constant)
+    }
+
+
+@pytest.mark.parametrize("name", [*_OBJECTS, *_FUNCTIONS])
+def test_a_public_name_has_a_summary_of_one_sentence(name):
+    docstring = inspect.getdoc(_OBJECTS.get(name) or _FUNCTIONS[name]) or ""
+    summary = docstring.partition("\n\n")[0]
+    assert summary.endswith((".", ":"))
+    assert "\n" not in summary
+
+
+@pytest.mark.parametrize("name", [name for name in _FUNCTIONS if name in _OBJECTS])
+def test_a_public_function_documents_its_parameters_and_its_result(name):
+    function = _FUNCTIONS[name]
+    docstring = inspect.getdoc(function)
+    signature = inspect.signature(function)
+    assert set(signature.parameters) <= _entries(docstring, "Parameters")
+    if signature.return_annotation not in (None, "None"):
+        assert _section(docstring, "Returns") or _section(docstring, "Yields")
+
+
+@pytest.mark.parametrize("name", _DATACLASSES)
+def test_a_public_dataclass_documents_its_fields(name):
+    cls = _OBJECTS[name]
+    documented = set()
+    for base in filter(dataclasses.is_dataclass, cls.__mro__):
+        documented |= _attribute_docstrings(base) | _entries(inspect.getdoc(base), "Attributes")
+    fields = {field.name for field in dataclasses.fields(cls) if not field.name.startswith("_")}
+    assert fields <= documented
 
 
 @pytest.mark.parametrize("command", ["run", "tests"])

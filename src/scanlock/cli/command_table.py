@@ -98,7 +98,7 @@ Examples:
         epilogue=f"""\
 Examples:
   scanlock crispness map.ply
-  scanlock crispness icp.ply ndt.ply --width 0.2
+  scanlock crispness icp.ply ndt.ply --voxel-size 0.2
 
 Only maps of the same scans are comparable.
 
@@ -120,7 +120,7 @@ odometry), if it has some.
     ),
     "reproduce": Command(
         path="scanlock.cli.commands.reproduce:reproduce",
-        help="Reproduce an experiment of the papers, with their numbers beside ours.",
+        help="Reproduce an experiment of the papers, with the published numbers beside.",
         epilogue="""\
 Examples:
   scanlock reproduce forest

@@ -51,5 +51,5 @@ def _row(records: "Sequence[StudyRecord]", tolerance: "Tolerance") -> list[str]:
 
 
 def _median(values: Iterable[float], form: str) -> str:
-    kept = [value for value in values if not math.isnan(value)]
-    return format(median(kept), form) if kept else "-"
+    finite = [value for value in values if not math.isnan(value)]
+    return format(median(finite), form) if finite else "-"

@@ -17,13 +17,13 @@ _EACH_UP_TO = 200
 """Number of rows up to which a table is rewritten after each; that takes about 10 ms."""
 
 
-def require_ending(path: Path, endings: Sequence[str], what: str) -> None:
+def require_ending(path: Path, endings: Sequence[str], subject: str) -> None:
     """Raise `InvalidInput` unless a file name has one of the endings."""
     suffix = path.suffix.lower()
     if suffix in endings:
         return
     hint = nearest(suffix, endings)
-    raise InvalidInput(f"{what} must end in {', '.join(endings)}, got {path.name!r}{hint}")
+    raise InvalidInput(f"{subject} must end in {', '.join(endings)}, got {path.name!r}{hint}")
 
 
 def require_picture(path: Path) -> None:

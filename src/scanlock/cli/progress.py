@@ -8,11 +8,11 @@ from scanlock.cli.console import screen
 _Item = TypeVar("_Item")
 
 
-def progress(items: Iterable[_Item], count: int, what: str, /) -> Iterator[_Item]:
+def progress(items: Iterable[_Item], count: int, title: str, /) -> Iterator[_Item]:
     """Yield items with a progress bar of `count` steps on stderr at a terminal."""
     from rich.progress import track
 
     console = screen("stderr")
     yield from track(
-        items, what, total=count, console=console, transient=True, disable=not console.is_terminal
+        items, title, total=count, console=console, transient=True, disable=not console.is_terminal
     )

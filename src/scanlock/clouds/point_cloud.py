@@ -27,7 +27,7 @@ would overflow silently.
 """
 
 _MAX_TRANSPOSED_ROWS, _MIN_TRANSPOSED_COLUMNS = 4, 64
-"""An array with at most so many rows and at least so many columns has a point in each column."""
+"""Maximum rows and minimum columns of an array that has a point in each column."""
 
 
 class HasPoints(Protocol):
@@ -103,7 +103,7 @@ class PointCloud:
             xyz = xyz[rows]
         if len(xyz) == 0:
             raise InvalidInput(
-                f"{name} holds no finite point ({input_count} rows); check the reader or filter "
+                f"{name} has no finite point ({input_count} rows); check the reader or filter "
                 "that produced it"
             )
         origin, rounding = _recentring(xyz), 0.0
@@ -135,7 +135,7 @@ class PointCloud:
 
         Drivers write (0, 0, 0) for beams without a return.
         """
-        # Here, so that who only reads scans does not load a compiler.
+        # Imported here, so that reading scans does not load the compiler.
         from scanlock.kernels.points.rows import is_nonzero
 
         if self.origin.any():

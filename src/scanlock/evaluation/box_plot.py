@@ -36,27 +36,27 @@ class BoxPlot:
         frozen(self.outliers)
 
 
-def box_plot(values: ArrayLike, reach: float = 1.5) -> BoxPlot:
+def box_plot(values: ArrayLike, max_whisker: float = 1.5) -> BoxPlot:
     """Compute the box-plot statistics of values; NaN and Inf are left out.
 
     Parameters
     ----------
     values : (n,)
-    reach : float
+    max_whisker : float
         Maximum length of the whiskers in interquartile ranges; 1.5 in Das et al. 2013.
 
     Raises
     ------
     InvalidInput
-        No finite value, or a `reach` that is not positive.
+        No finite value, or a `max_whisker` that is not positive.
     """
-    require_positive("reach", reach)
+    require_positive("max_whisker", max_whisker)
     given = np.asarray(values, np.float64).ravel()
     finite = np.sort(given[np.isfinite(given)])
     if len(finite) == 0:
         raise InvalidInput(f"values must hold a finite number, got {len(given)} NaN or Inf")
     lower, median, upper = (float(q) for q in np.percentile(finite, (25.0, 50.0, 75.0)))
-    length = reach * (upper - lower)
+    length = max_whisker * (upper - lower)
     is_inside = (finite >= lower - length) & (finite <= upper + length)
     inside = finite[is_inside]
     return BoxPlot(

@@ -1,6 +1,6 @@
 """Crispness of a map: its number of occupied voxels (Das et al. 2013, section VIII-A).
 
-The measure is that of Douillard et al. 2012. Registration errors blur walls and trunks over more
+The measure is that of Douillard et al. 2012. Registration errors thicken walls and trunks to more
 voxels, so fewer is better. It compares maps of the same scans only.
 """
 
@@ -33,8 +33,8 @@ def crispness(points: Points, voxel_size: float = VOXEL_SIZE) -> int:
     Notes
     -----
     Compare maps in one frame, from the same first pose. A shift by whole voxels does not change
-    the count, but any other rigid motion does, and a tilt most: level ground then no longer lies
-    in one layer of voxels.
+    the count, but any other rigid motion does. A change of roll or pitch does most, since level
+    ground is then no longer in one layer of voxels.
     """
     return streamed_crispness([points], voxel_size)
 
@@ -42,7 +42,7 @@ def crispness(points: Points, voxel_size: float = VOXEL_SIZE) -> int:
 def streamed_crispness(chunks: Iterable[Points], voxel_size: float = VOXEL_SIZE) -> int:
     """Count the occupied voxels of a map that comes in chunks, too large for memory.
 
-    Only one point of each occupied voxel is kept. The result equals that of `crispness` for all
+    One point of each occupied voxel is stored. The result equals that of `crispness` for all
     chunks together, whatever their order.
 
     Parameters

@@ -66,24 +66,24 @@ class ScanSeries:
                 f"{len(self.times)} times and {len(self.truth)} poses"
             )
 
-    def pairs(self, apart: int = 1) -> list[StudyPair]:
-        """Return the pairs of scans that are `apart` scans apart; the earlier one is the target.
+    def pairs(self, step: int = 1) -> list[StudyPair]:
+        """Return the pairs of scans that are `step` scans apart; the earlier one is the target.
 
         Raises
         ------
         InvalidInput
-            `apart` is not below the number of scans.
+            `step` is not below the number of scans.
         """
-        require_count("apart", apart)
-        if apart >= len(self.names):
-            raise InvalidInput(f"apart must be below the {len(self.names)} scans, got {apart}")
+        require_count("step", step)
+        if step >= len(self.names):
+            raise InvalidInput(f"step must be below the {len(self.names)} scans, got {step}")
         return [
             StudyPair(
                 target=self.names[row],
-                source=self.names[row + apart],
-                truth=self.truth[row].inverse() @ self.truth[row + apart] if self.truth else None,
+                source=self.names[row + step],
+                truth=self.truth[row].inverse() @ self.truth[row + step] if self.truth else None,
             )
-            for row in range(len(self.names) - apart)
+            for row in range(len(self.names) - step)
         ]
 
     def true_trajectory(self) -> list[Pose]:

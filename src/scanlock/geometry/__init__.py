@@ -1,1 +1,4 @@
-"""Rotations and rigid transforms; NumPy only."""
+"""Rotations, rigid transforms and their closed-form estimation; NumPy only.
+
+Iterative estimation of poses belongs to `scanlock.optimisation`.
+"""

@@ -37,6 +37,11 @@ def read_pose(path: str | os.PathLike[str]) -> Pose:
         brackets, and comments after ``#``), as a JSON list, under the JSON key
         ``target_from_source``, or as a NumPy array.
 
+    Returns
+    -------
+    Pose
+        As the file has it; target from source in results of `scanlock.register`.
+
     Raises
     ------
     FileNotFoundError
@@ -49,10 +54,23 @@ def read_pose(path: str | os.PathLike[str]) -> Pose:
 
 
 def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
-    """Read the (4, 4) matrix of a pose file with its rotation uncorrected.
+    """Read the matrix of a pose file with its rotation uncorrected.
 
-    For callers that report the correction, such as `scanlock.register`. Arguments and errors are
-    those of `read_pose`.
+    For callers that report the correction, such as `scanlock.register`.
+
+    Parameters
+    ----------
+    path : path-like
+        As for `read_pose`.
+
+    Returns
+    -------
+    (4, 4)
+
+    Raises
+    ------
+    FileNotFoundError, FormatError
+        As for `read_pose`.
     """
     path = Path(path)
     where, rows = _located_rows(path)
@@ -62,12 +80,28 @@ def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
 
 
 def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
-    """Write the 4x4 matrix of a pose as text, with 17 significant digits, which lose nothing."""
+    """Write the 4x4 matrix of a pose as text, with 17 significant digits, which lose nothing.
+
+    Parameters
+    ----------
+    path : path-like
+        Text file to write.
+    pose : Pose
+    """
     _write_rows(path, pose.matrix)
 
 
 def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
     """Read a trajectory in KITTI format: the 12 numbers of a 3x4 matrix per line.
+
+    Parameters
+    ----------
+    path : path-like
+        Text file.
+
+    Returns
+    -------
+    list of Pose
 
     Raises
     ------
@@ -84,6 +118,12 @@ def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
 def write_kitti_poses(path: str | os.PathLike[str], poses: Sequence[Pose]) -> None:
     """Write a trajectory in KITTI format, with 17 significant digits.
 
+    Parameters
+    ----------
+    path : path-like
+        Text file to write.
+    poses : sequence of Pose
+
     Raises
     ------
     InvalidInput
@@ -95,6 +135,11 @@ def write_kitti_poses(path: str | os.PathLike[str], poses: Sequence[Pose]) -> No
 
 def read_tum_poses(path: str | os.PathLike[str]) -> tuple[Vector, list[Pose]]:
     """Read a trajectory in TUM format: ``t x y z qx qy qz qw`` per line.
+
+    Parameters
+    ----------
+    path : path-like
+        Text file.
 
     Returns
     -------

@@ -162,9 +162,9 @@ def guess_sensor(points: Points, rings: int | None, rows: int) -> str:
         return f"lidar with about {beams} beams, {5 * len(sectors)} degrees wide"
     if len(points) < _MIN_POINTS:
         return "unknown"
-    if _densest_share(points) < 0.3:
+    if _densest_ratio(points) < 0.3:
         return "airborne scan or map tile"
-    multiple = _multiple_surface_share(points)
+    multiple = _multiple_surface_ratio(points)
     if multiple is None or 0.45 <= multiple < 0.5:
         return "unknown"
     if multiple < 0.45:
@@ -253,8 +253,8 @@ def _beams_in_windows(elevations: Vector) -> int:
     return int(np.median(found))
 
 
-def _densest_share(points: Points) -> float:
-    """Return the share of the points in the densest tenth of the occupied horizontal cells.
+def _densest_ratio(points: Points) -> float:
+    """Return the ratio of the points in the densest tenth of the occupied horizontal cells.
 
     Scans are densest near their sensor; map tiles are uniform.
     """
@@ -264,8 +264,8 @@ def _densest_share(points: Points) -> float:
     return float(counts[: max(1, len(counts) // 10)].sum() / counts.sum())
 
 
-def _multiple_surface_share(points: Points) -> float | None:
-    """Return the share of direction cells, as seen from the origin, with surfaces far apart.
+def _multiple_surface_ratio(points: Points) -> float | None:
+    """Return the ratio of direction cells about the origin with widely separated surfaces.
 
     Seen from the sensor, a narrow cell holds one surface. None where too few cells have enough
     points.

@@ -1,1 +1,4 @@
-"""Optimisation over poses: solvers and the objectives that they minimise."""
+"""Optimisation over poses: solvers and the objectives that they minimise.
+
+The choice of scales and correspondences belongs to `scanlock.registration.methods`.
+"""

@@ -14,7 +14,7 @@ from scanlock.geometry.pose import Pose
 class LocalOrigins:
     """Origins of the local frames of two scans, and the centroid of the source.
 
-    Map coordinates are large, and a rotation about their zero moves points far. So poses are
+    Map coordinates are large, so a rotation about their zero moves points far. Poses are therefore
     computed between local frames whose origins lie within the scans.
 
     Attributes

@@ -79,6 +79,11 @@ def prepare(
     role : str
         Name of the scan in error messages.
 
+    Returns
+    -------
+    PreparedScan
+        The data of the method, the features for the verification, notes and timings.
+
     Raises
     ------
     InvalidInput

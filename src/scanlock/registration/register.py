@@ -121,7 +121,7 @@ def register(
 
 
 class _Call:
-    """One call of `register`: two prepared scans, and the way between their frames."""
+    """One call of `register`: two prepared scans, and the transforms between their frames."""
 
     def __init__(
         self,
@@ -168,7 +168,7 @@ class _Call:
 
     def align(self) -> Solution:
         """Run the method."""
-        # Map coordinates say where the scans lie, as an initial pose does.
+        # Map coordinates give the relative position of the scans, as an initial pose does.
         is_on_map = bool(self.target.cloud.origin.any() or self.source.cloud.origin.any())
         start = self.start if self.initial is not None or is_on_map else None
         with self.clock.stage("align"):

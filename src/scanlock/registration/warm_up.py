@@ -1,4 +1,4 @@
-"""Compile the kernels before time matters, by doing once what they are for."""
+"""Compilation of all kernels ahead of time, by one call of each stage on a synthetic scan."""
 
 import math
 from collections.abc import Callable
@@ -32,19 +32,19 @@ _STEP = np.array([0.5, 0.2, 0.0])
 
 _METHODS: tuple[Method[Any], ...] = (
     *METHODS.values(),
-    *(Ndt(association=meeting, cell_sizes=(3.0,)) for meeting in get_args(CellAssociation)),
+    *(Ndt(association=association, cell_sizes=(3.0,)) for association in get_args(CellAssociation)),
     NdtD2d(association="cells-around", cell_sizes=(3.0,)),
     Icp(search="delaunay", voxel_size=3.0),
     Icp(estimation=_PLANES, noise=SensorNoise()),
 )
-"""All that are named, and settings that need kernels of their own."""
+"""The registered methods, and settings that need further kernels."""
 
 
 def warm_up() -> None:
     """Compile every kernel of segmentation and registration, or load it from disk.
 
-    The machine code is kept on disk, so this takes its half minute once; ``scanlock warmup``
-    divides it among the cores. What comes after runs at full speed from the first call on.
+    The machine code is cached on disk, so this takes its half minute once; ``scanlock warmup``
+    divides it among the cores. All later calls run at full speed.
     """
     for step in warm_up_steps():
         step()
@@ -52,17 +52,16 @@ def warm_up() -> None:
 
 
 def warm_up_verification() -> None:
-    """Call every method as users do, after `warm_up_steps`: there is little left to compile."""
+    """Register with every method, after `warm_up_steps`, to compile the remaining kernels."""
     scan = _courtyard()
     for method in _METHODS:
         register(source=scan + _STEP, target=scan, method=method)
 
 
 def warm_up_steps() -> list[Callable[[], object]]:
-    """Return the stages of `warm_up`; the nearer two in the list, the more kernels they share.
+    """Return the stages of `warm_up`, in an order in which neighbours share kernels.
 
-    Processes that keep machine code in one place and begin at different ends compile little
-    twice.
+    Processes with a common cache that start at different ends rarely compile the same kernel.
     """
     scan = _courtyard()
     cloud, moved = PointCloud.from_array(scan), PointCloud.from_array(scan + _STEP)
@@ -71,12 +70,12 @@ def warm_up_steps() -> list[Callable[[], object]]:
     matcher = ClusterMatcher()
 
     def match_clusters(level: Pose | None) -> None:
-        parts = METHODS["sgc-ndt-d2d"].prepare(cloud).gaussians[-1]
-        features = matcher.describe(parts, level)
+        gaussians = METHODS["sgc-ndt-d2d"].prepare(cloud).gaussians[-1]
+        features = matcher.describe(gaussians, level)
         matcher.hypotheses(features, features)
 
     def align(method: Method[Any]) -> None:
-        # Without the verdict, which looks for clusters whatever the method.
+        # Without the verification, which needs clusters for every method.
         method.align(method.prepare(cloud), method.prepare(moved), Pose.identity())
 
     stages = [
@@ -87,24 +86,24 @@ def warm_up_steps() -> list[Callable[[], object]]:
         partial(ClusterFinder().grow, above),
         *(partial(match_clusters, level) for level in (Pose.identity(), None)),
     ]
-    # Those that look for the ground stand next to it.
+    # Methods with ground segmentation first, next to the stages of the segmentation.
     methods = sorted(_METHODS, key=lambda method: isinstance(method, Icp | Gicp | Ndt | NdtD2d))
     return [*stages, *(partial(align, method) for method in methods)]
 
 
 def _courtyard() -> Points:
-    """Return a level ground with posts and walls on it, around a sensor: no noise, no chance."""
+    """Return a scan of level ground with posts and walls, without noise or random numbers."""
     radii, turns = np.meshgrid(np.linspace(2.0, 30.0, 60), np.linspace(0.0, 2.0 * np.pi, 120))
-    floor = [radii * np.cos(turns), radii * np.sin(turns), np.zeros_like(radii)]
+    ground = [radii * np.cos(turns), radii * np.sin(turns), np.zeros_like(radii)]
     posts = [
         np.meshgrid(x + np.linspace(0.0, 0.4, 4), y + np.linspace(0.0, 2.0, 6), _LEVELS)
-        for x, y in zip(*_PLACES, strict=True)
+        for x, y in zip(*_POSITIONS, strict=True)
     ]
-    parts = [np.stack([np.ravel(axis) for axis in part], axis=1) for part in (floor, *posts)]
-    return np.concatenate(parts) - [0.0, 0.0, _SENSOR_HEIGHT]
+    surfaces = [np.stack([np.ravel(axis) for axis in one], axis=1) for one in (ground, *posts)]
+    return np.concatenate(surfaces) - [0.0, 0.0, _SENSOR_HEIGHT]
 
 
 _LEVELS = np.linspace(0.4, 3.0, 12)
 _ANGLES = np.arange(16) * 2.4
-_PLACES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)]) * np.linspace(5.0, 25.0, 16)
-"""Turned by the golden angle from one to the next, so that nothing repeats."""
+_POSITIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)]) * np.linspace(5.0, 25.0, 16)
+"""Positions of the posts, rotated by the golden angle from one to the next, to avoid repetition."""

@@ -1,4 +1,4 @@
-"""Shared parts of all figures: colours, blank figures, map views in metres, files."""
+"""Shared elements of all figures: colours, blank figures, map views in metres, files."""
 
 import math
 import os

@@ -62,6 +62,11 @@ def carried(pose: Pose, twist: Vector, time: float) -> Pose:
         Translation first.
     time : float [s]
         Duration of the motion, of either sign.
+
+    Returns
+    -------
+    Pose
+        ``world_from_frame`` after the motion.
     """
     rotations, translations = screw(twist, np.array([time]))
     return pose @ Pose(rotations[0], translations[0])

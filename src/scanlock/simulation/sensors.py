@@ -50,9 +50,9 @@ class Sensor:
     A quarter gives the 50 m on pavement of the data sheet, for 120 m and the height of a car.
     """
     fading: float = 0.15
-    """Half width of the interval in which detection fades, as a share of the detection range."""
+    """Half width of the interval in which detection fades, as a fraction of the detection range."""
     dropout: float = 0.02
-    """Share of pulses lost independent of the surface."""
+    """Ratio of pulses lost independent of the surface."""
 
     def __post_init__(self) -> None:
         if len(self.elevations) == 0 or len(self.azimuth_offsets) != len(self.elevations):
@@ -121,7 +121,12 @@ class Sensor:
 
 
 def hdl_64e() -> Sensor:
-    """Return a Velodyne HDL-64E: 64 beams in two blocks, +2 to -24.8 degrees, 120 m."""
+    """Return a Velodyne HDL-64E: 64 beams in two blocks, +2 to -24.8 degrees, 120 m.
+
+    Returns
+    -------
+    Sensor
+    """
     upper = np.linspace(2.0, 2.0 - 31.0 / 3.0, 32)
     lower = np.linspace(-8.83, -24.8, 32)
     elevations = np.concatenate([upper, lower])
@@ -142,7 +147,12 @@ def hdl_64e() -> Sensor:
 
 
 def hdl_32e() -> Sensor:
-    """Return a Velodyne HDL-32E: 32 beams, +10.67 to -30.67 degrees, 70 m."""
+    """Return a Velodyne HDL-32E: 32 beams, +10.67 to -30.67 degrees, 70 m.
+
+    Returns
+    -------
+    Sensor
+    """
     return Sensor(
         name="hdl_32e",
         elevations=_radians(np.linspace(10.67, -30.67, 32)),
@@ -156,7 +166,12 @@ def hdl_32e() -> Sensor:
 
 
 def os1_64() -> Sensor:
-    """Return an Ouster OS1-64: 64 beams over +-16.6 degrees in four staggered columns, 120 m."""
+    """Return an Ouster OS1-64: 64 beams over +-16.6 degrees in four staggered columns, 120 m.
+
+    Returns
+    -------
+    Sensor
+    """
     return Sensor(
         name="os1_64",
         elevations=_radians(np.linspace(16.6, -16.6, 64)),

@@ -38,6 +38,12 @@ def drive_through(scene: str, *, count: int, seed: int) -> tuple[Scene, Drive]:
     seed : int
         Seed of the scene and the drive.
 
+    Returns
+    -------
+    Scene
+    Drive
+        Poses of the sensor, one per sweep.
+
     Raises
     ------
     InvalidInput
@@ -136,6 +142,11 @@ def scan_pair(
         Minimum and maximum distance along the track between the scans.
     turn : float [rad]
         Maximum difference of their headings.
+
+    Returns
+    -------
+    SimulatedPair
+        Target, source and the exact pose between them.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class RayHits:
     labels, objects : (n,)
         `SurfaceClass` and object number; -1 without an intersection.
     losses : (n,)
-        Share of pulses that the surface does not return.
+        Ratio of pulses that the surface does not return.
     """
 
     distances: Vector

@@ -135,7 +135,7 @@ def test_progress_covers_every_registration_and_every_scan(experiment, series, t
 def test_an_experiment_may_choose_its_pairs(experiment, series, tmp_path):
     skipping = replace(
         experiment,
-        pairs=lambda series: series.pairs(apart=3),
+        pairs=lambda series: series.pairs(step=3),
         analyse=lambda outcome, progress: Findings(sections=[Section(title="Nothing")]),
     )
     done = reproduce(skipping, series, tmp_path)

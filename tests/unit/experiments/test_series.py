@@ -24,13 +24,13 @@ def test_pairs_are_neighbours_with_their_true_motion(series):
 
 
 def test_pairs_may_skip_scans(series):
-    pairs = series.pairs(apart=2)
+    pairs = series.pairs(step=2)
     assert [pair.name for pair in pairs] == ["scan0 scan2", "scan1 scan3"]
     assert (series.truth[1] @ pairs[1].truth).is_close(
         series.truth[3], translation=1e-12, rotation=1e-7
     )
-    with pytest.raises(InvalidInput, match="apart must be below the 4 scans"):
-        series.pairs(apart=4)
+    with pytest.raises(InvalidInput, match="step must be below the 4 scans"):
+        series.pairs(step=4)
 
 
 def test_the_true_trajectory_begins_at_the_first_scan(series):

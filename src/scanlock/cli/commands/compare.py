@@ -48,7 +48,8 @@ class Truth:
     """Pose file."""
 
     agree: Annotated[
-        Flag, Parameter(help="Use the pose that most methods agree on where there is no other.")
+        Flag,
+        Parameter(help="Use the pose that most methods agree on where there is no other."),
     ] = False
     """Whether agreement counts as truth."""
 
@@ -113,7 +114,7 @@ def compare(
     settings: Annotated[tuple[Path, ...], _SEVERAL, Parameter(show_default=False)] = (),
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-compare"),
     every: int = 1,
-    apart: int = 1,
+    step: int = 1,
     pairs: int | None = None,
     truth: Truth | None = None,
     starts: Starts | None = None,
@@ -136,7 +137,7 @@ def compare(
         Folder for tables, pictures and records.
     every : int
         Use every k-th scan of the folder.
-    apart : int
+    step : int
         Number of scans between source and target.
     pairs : int
         Maximum number of pairs, evenly spread.
@@ -152,12 +153,12 @@ def compare(
     from scanlock.report.canvas import require_figures
 
     require_figures()
-    for name, count in (("--every", every), ("--apart", apart), ("--pairs", pairs)):
+    for name, count in (("--every", every), ("--step", step), ("--pairs", pairs)):
         require_count(name, 1 if count is None else count)
     ground_truth, initial = truth or Truth(), starts or Starts()
     tolerance = Tolerance(metres=ground_truth.metres, degrees=ground_truth.degrees)
     series = _series(scans, every, ground_truth, reading or Reading())
-    chosen = _chosen(series, apart, pairs, ground_truth)
+    chosen = _chosen(series, step, pairs, ground_truth)
     has_truth = ground_truth.agree or any(pair.truth is not None for pair in chosen)
     comparison = Comparison(
         methods=_methods(methods, settings),
@@ -226,18 +227,18 @@ def _series(
 
 
 def _chosen(
-    series: "ScanSeries", apart: int, most: int | None, ground_truth: Truth
+    series: "ScanSeries", step: int, max_pairs: int | None, ground_truth: Truth
 ) -> "list[StudyPair]":
     from scanlock.io import read_pose
 
-    pairs = series.pairs(apart)
+    pairs = series.pairs(step)
     if ground_truth.truth is not None:
         if len(pairs) != 1 or ground_truth.poses is not None:
             raise InvalidInput("--truth is the pose of one pair; give --poses for more scans")
         return [replace(pairs[0], truth=read_pose(ground_truth.truth))]
-    if most is None or most >= len(pairs):
+    if max_pairs is None or max_pairs >= len(pairs):
         return pairs
-    return [pairs[row * len(pairs) // most] for row in range(most)]
+    return [pairs[row * len(pairs) // max_pairs] for row in range(max_pairs)]
 
 
 def _show_basins(done: "ComparisonResult", plan: "AroundTruth", tolerance: "Tolerance") -> None:

@@ -10,7 +10,7 @@ def crispness(
     map: Path,
     /,
     *more: Path,
-    width: float = 0.1,
+    voxel_size: float = 0.1,
     json: Flag = False,
     reading: Reading | None = None,
 ) -> None:
@@ -22,7 +22,7 @@ def crispness(
         Map file, all points in one frame.
     more : Path
         More maps to compare.
-    width : float
+    voxel_size : float
         Voxel size [m].
     json : bool
         Print the counts as JSON, and nothing else.
@@ -38,15 +38,17 @@ def crispness(
         # In map coordinates all maps use one grid, with a corner at the origin of the first.
         origin = cloud.origin if origin is None else origin
         shift = cloud.origin - origin
-        voxels = counted(cloud.points + shift if shift.any() else cloud.points, width)
-        rows.append({"map": str(path), "points": len(cloud), "voxels": voxels, "width_m": width})
+        voxels = counted(cloud.points + shift if shift.any() else cloud.points, voxel_size)
+        rows.append(
+            {"map": str(path), "points": len(cloud), "voxels": voxels, "voxel_size_m": voxel_size}
+        )
     if json:
         print_json({"maps": rows})
         return
     print_table(
         ("voxels filled", "of [m]", "points", "map"),
         [
-            (f"{row['voxels']:,}", f"{width:g}", f"{row['points']:,}", str(row["map"]))
+            (f"{row['voxels']:,}", f"{voxel_size:g}", f"{row['points']:,}", str(row["map"]))
             for row in rows
         ],
     )

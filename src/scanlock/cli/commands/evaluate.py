@@ -27,7 +27,7 @@ def evaluate(
     /,
     *,
     align: Annotated[Literal["none", "first", "all"], Parameter(negative="")] = "first",
-    apart: int = 1,
+    step: int = 1,
     picture: Path | None = None,
     json: Flag = False,
 ) -> None:
@@ -42,7 +42,7 @@ def evaluate(
         times, else by row.
     align : str
         Alignment before absolute errors: none, the first poses, or all positions.
-    apart : int
+    step : int
         Number of rows between the poses of the relative errors.
     picture : Path
         File for a picture of both trajectories and the errors: .png, .pdf or .svg.
@@ -55,7 +55,7 @@ def evaluate(
     if picture is not None:
         require_picture(picture)
     matched = _matched(_read(estimate), _read(truth))
-    content = _content(matched, align, apart)
+    content = _content(matched, align, step)
     if picture is not None:
         from scanlock.report.canvas import save_figure
         from scanlock.report.trajectory_figure import trajectory_figure
@@ -126,12 +126,12 @@ def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
     order = np.argsort(there, kind="stable")
     after = np.searchsorted(there[order], here).clip(1, max(len(there) - 1, 1))
     sides = np.stack([after - 1, np.minimum(after, len(there) - 1)])
-    gaps = np.abs(there[order][sides] - here)
-    nearest = order[np.take_along_axis(sides, gaps.argmin(axis=0)[None], axis=0)[0]]
-    gap = gaps.min(axis=0)
+    differences = np.abs(there[order][sides] - here)
+    nearest = order[np.take_along_axis(sides, differences.argmin(axis=0)[None], axis=0)[0]]
+    difference = differences.min(axis=0)
     # Of several rows with the same match the closest in time is kept.
-    rows = np.argsort(gap, kind="stable")
-    rows = rows[gap[rows] <= _MAX_TIME_DIFFERENCE]
+    rows = np.argsort(difference, kind="stable")
+    rows = rows[difference[rows] <= _MAX_TIME_DIFFERENCE]
     _, once = np.unique(nearest[rows], return_index=True)
     rows = rows[once]
     rows = rows[np.argsort(here[rows], kind="stable")]
@@ -139,7 +139,7 @@ def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
 
 
 def _content(
-    matched: _Matched, align: Literal["none", "first", "all"], apart: int
+    matched: _Matched, align: Literal["none", "first", "all"], step: int
 ) -> dict[str, Any]:
     from scanlock.evaluation.trajectory_errors import (
         absolute_errors,
@@ -155,7 +155,7 @@ def _content(
         "truth_poses": matched.counts[1],
         "path_m": float(path_lengths(matched.truth)[-1]),
         "absolute": {"align": align, **_summary(absolute_errors(*poses, align))},
-        "relative": {"apart": apart, **_summary(relative_errors(*poses, apart))},
+        "relative": {"step": step, **_summary(relative_errors(*poses, step))},
         "kitti": _kitti(kitti_errors(*poses)),
     }
 
@@ -180,7 +180,7 @@ def _kitti(errors: "TrajectoryErrors") -> dict[str, float] | None:
         "translation_percent": 100.0 * float((errors.translations / errors.lengths).mean()),
         "rotation_deg_per_100_m": 100.0
         * math.degrees(float((errors.rotations / errors.lengths).mean())),
-        "parts": len(errors),
+        "segments": len(errors),
     }
 
 
@@ -191,7 +191,7 @@ def _show(content: dict[str, Any]) -> None:
         f"{content['poses']:,} poses matched, of {content['estimate_poses']:,} estimated and "
         f"{content['truth_poses']:,} true, over {content['path_m']:.1f} m"
     )
-    names = {"absolute": "absolute", "relative": f"relative, {content['relative']['apart']} apart"}
+    names = {"absolute": "absolute", "relative": f"relative, {content['relative']['step']} apart"}
     rows = [
         (f"{name} [{unit}]", *(f"{content[key][quantity][part]:.4f}" for part in _PARTS))
         for key, name in names.items()
@@ -204,5 +204,5 @@ def _show(content: dict[str, Any]) -> None:
         return
     print_line(
         f"KITTI: {kitti['translation_percent']:.4f} % and "
-        f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['parts']} parts"
+        f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['segments']} segments"
     )

@@ -44,8 +44,8 @@ def map_folder(
     every: int = 1,
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
-    doubt: Literal["keep", "stop"] = "keep",
-    width: float = 0.1,
+    unverified: Literal["keep", "stop"] = "keep",
+    voxel_size: float = 0.1,
 ) -> int:
     """Register consecutive scans of a folder and build one map.
 
@@ -68,9 +68,9 @@ def map_folder(
         Maximum number of scans; all by default.
     guess : str
         Initial pose of each registration: no motion (identity), or the last motion (velocity).
-    doubt : str
+    unverified : str
         Keep the pose of an unverified pair, or stop before its scan.
-    width : float
+    voxel_size : float
         Voxel size of the map [m]; it keeps one point per voxel.
 
     Returns
@@ -87,7 +87,7 @@ def map_folder(
 
     require_count("--every", every)
     require_count("--scans", 2 if scans is None else scans, 2)
-    require_positive("--width", width, unit="m")
+    require_positive("--voxel-size", voxel_size, unit="m")
     if (output / "map.ply").exists():
         raise InvalidInput(f"{output} contains a map already; use another folder, or remove it")
     chosen = chosen_method(method, settings)
@@ -95,7 +95,7 @@ def map_folder(
     if len(sequence) < 2:
         raise InvalidInput(f"{folder} must contain at least 2 scans, got {len(sequence)}")
     output.mkdir(parents=True, exist_ok=True)
-    drive = _Drive(sequence, width)
+    drive = _Drive(sequence, voxel_size)
     with compile_watch():
         steps = odometry(
             (sequence.scan(index) for index in counting(range(len(sequence)), "scans")),
@@ -106,20 +106,20 @@ def map_folder(
         try:
             for step in steps:
                 with interrupt_delayed():
-                    added = drive.add(step, doubt)
-                if added == "stopped":
+                    outcome = drive.add(step, unverified)
+                if outcome == "stopped":
                     break
                 drive.keep(output)
         except BaseException:
             # After a broken scan or an interrupt, write the map so far.
             with interrupt_delayed():
-                _say(drive.write(output))
+                _print_lines(drive.write(output))
             raise
     with interrupt_delayed():
         wrote = drive.write(output)
     drive.show(folder)
-    _say(wrote)
-    return 2 if drive.doubtful else 0
+    _print_lines(wrote)
+    return 2 if drive.unverified else 0
 
 
 class _Drive:
@@ -127,37 +127,37 @@ class _Drive:
 
     Attributes
     ----------
-    doubtful : list of int
+    unverified : list of int
         Scans whose motion from the previous one is not verified.
     """
 
-    def __init__(self, sequence: "ScanSequence", width: float) -> None:
+    def __init__(self, sequence: "ScanSequence", voxel_size: float) -> None:
         from scanlock.evaluation.voxel_map import VoxelMap
 
-        self.doubtful: list[int] = []
+        self.unverified: list[int] = []
         self._sequence = sequence
-        self._width = width
-        self._map = VoxelMap(width)
+        self._voxel_size = voxel_size
+        self._map = VoxelMap(voxel_size)
         self._poses: list[Pose] = []
         self._rows: list[tuple[str | int, ...]] = []
 
     def add(
-        self, step: "OdometryStep", doubt: Literal["keep", "stop"]
-    ) -> Literal["laid", "stopped"]:
-        """Add a scan to the map, unless it is not verified and `doubt` is "stop"."""
+        self, step: "OdometryStep", unverified: Literal["keep", "stop"]
+    ) -> Literal["added", "stopped"]:
+        """Add a scan to the map, unless it is not verified and `unverified` is "stop"."""
         index = len(self._poses)
         if step.registration is not None:
             names = self._sequence.names
             self._rows.append(_row(index, names[index - 1], names[index], step.registration))
         if not step.ok:
-            self.doubtful.append(index)
-            if doubt == "stop":
+            self.unverified.append(index)
+            if unverified == "stop":
                 return "stopped"
         # Rounded as in the file, so that the points of the file fill the voxels that are counted.
-        laid = step.pose.apply(step.cloud.points + step.cloud.origin).astype("float32")
-        self._map.add(laid.astype("float64"))
+        points = step.pose.apply(step.cloud.points + step.cloud.origin).astype("float32")
+        self._map.add(points.astype("float64"))
         self._poses.append(step.pose)
-        return "laid"
+        return "added"
 
     def keep(self, output: Path) -> None:
         """Write poses and table so far, which then survive a kill; the map is written last."""
@@ -187,19 +187,19 @@ class _Drive:
         of = len(self._sequence)
         count = len(self._rows)
         print_status(
-            "unverified" if self.doubtful else "ok",
-            f"{count - len(self.doubtful)} of {count} pairs are verified",
-            good=not self.doubtful,
+            "unverified" if self.unverified else "ok",
+            f"{count - len(self.unverified)} of {count} pairs are verified",
+            good=not self.unverified,
         )
         facts = [
             ("scans", f"{len(self._poses)} of {folder} ({self._sequence.title})"),
             ("path", f"{self._length():.1f} m"),
-            ("map", f"{len(self._map):,} voxels of {self._width:g} m filled"),
+            ("map", f"{len(self._map):,} voxels of {self._voxel_size:g} m filled"),
         ]
-        if self.doubtful:
-            names = [self._sequence.names[index] for index in self.doubtful]
+        if self.unverified:
+            names = [self._sequence.names[index] for index in self.unverified]
             shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
-            stopped = self.doubtful[-1] == len(self._poses)
+            stopped = self.unverified[-1] == len(self._poses)
             left = f"stopped there, {of - len(self._poses)} of {of} scans not used"
             end = left if stopped else "all later poses depend on these"
             facts.append(("not ok", f"the motions to {shown}: {end}"))
@@ -223,11 +223,11 @@ class _Drive:
         from scanlock.report.drive_figure import drive_figure
 
         require_figures()
-        places = np.array([pose.translation for pose in self._poses])
-        kept = [index for index in self.doubtful if index < len(places)]
-        title = f"{len(places)} scans, {self._length():.0f} m"
+        positions = np.array([pose.translation for pose in self._poses])
+        untrusted = [index for index in self.unverified if index < len(positions)]
+        title = f"{len(positions)} scans, {self._length():.0f} m"
         points = self._map.points.astype(np.float64)
-        save_figure(path, drive_figure(points, places, untrusted=kept, title=title))
+        save_figure(path, drive_figure(points, positions, untrusted=untrusted, title=title))
 
     def _length(self) -> float:
         from scanlock.evaluation.trajectory_errors import path_lengths
@@ -255,7 +255,7 @@ def _row(
     )
 
 
-def _say(text: str) -> None:
+def _print_lines(text: str) -> None:
     from scanlock.cli.console import print_line
 
     for line in text.splitlines():

@@ -26,7 +26,7 @@ def reproduce(
     data: Path | None = None,
     poses: Path | None = None,
 ) -> None:
-    """Reproduce an experiment of the papers and write a page with their numbers beside ours.
+    """Reproduce an experiment of the papers and write a page with the published numbers beside.
 
     The same command continues an interrupted run with the same folder.
 
@@ -39,7 +39,7 @@ def reproduce(
         Folder for the page, tables, figures, trajectories and maps; by default
         scanlock-EXPERIMENT.
     scans : int
-        Number of scans to register, or of places for ladar.
+        Number of scans to register, or of positions for ladar.
     seed : int
         Seed of the simulated scans; any whole number from 0.
     data : Path

@@ -16,10 +16,10 @@ _LABEL_ENDINGS = (".npy", ".txt", ".csv", ".label")
 _SCAN_ENDINGS = (".ply", ".pcd", ".npz", ".las", ".laz")
 
 _OTHER_GROUND, _OTHER_OBJECT, _UNLABELLED = 49, 99, 0
-"""SemanticKITTI's classes that claim no more than was found."""
+"""SemanticKITTI's classes for other ground, other object and unlabelled."""
 
-_MOST_INSTANCES = 2**16 - 1
-"""What SemanticKITTI's upper 16 bits can count."""
+_MAX_INSTANCES = 2**16 - 1
+"""Largest instance number in the upper 16 bits of a SemanticKITTI label."""
 
 
 def segment(
@@ -31,16 +31,17 @@ def segment(
     json: Flag = False,
     reading: Reading | None = None,
 ) -> None:
-    """Find the ground of a scan and the clusters of what stands on it.
+    """Segment a scan into ground and the clusters above it.
 
     Parameters
     ----------
     scan : Path
-        The scan.
+        Scan file.
     output : Path
-        Where to write labels: .npy, .txt, .csv, .label, or a scan as .ply, .pcd, .npz, .las.
+        File of labels (.npy, .txt, .csv, .label) or of the labelled scan (.ply, .pcd, .npz, .las,
+        .laz).
     picture : Path
-        Where to draw the scan in its parts: .png, .pdf or .svg.
+        Figure of the ground and the clusters: .png, .pdf or .svg.
     json : bool
         Print the summary as JSON, and nothing else.
     """
@@ -96,22 +97,22 @@ def _summary(found: "Segmentation") -> dict[str, Any]:
 
 
 def _facts(summary: dict[str, Any]) -> "Facts":
-    def share(key: str) -> str:
+    def count(key: str) -> str:
         return f"{summary[key]:,} points, {100 * summary[key] / summary['points']:.1f} %"
 
     facts = [
-        ("ground", share("ground_points")),
+        ("ground", count("ground_points")),
         ("", f"{summary['ground_status']}: {summary['ground_reason']}"),
     ]
     if summary["sensor_height_m"] is not None:
         height, tilt = summary["sensor_height_m"], summary["ground_tilt_deg"]
-        facts.append(("sensor", f"{height:.2f} m above ground that tilts by {tilt:.1f} deg"))
-    sizes = f"{summary['median_cluster']:,} points the median, {summary['largest_cluster']:,}"
+        facts.append(("sensor", f"{height:.2f} m above the ground, tilted by {tilt:.1f} deg"))
+    sizes = f"{summary['median_cluster']:,} points in the median, {summary['largest_cluster']:,}"
     return [
         *facts,
-        ("clusters", f"{summary['clusters']:,} of {share('cluster_points')}"),
-        ("", f"{sizes} the largest"),
-        ("neither", share("left_out_points")),
+        ("clusters", f"{summary['clusters']:,} of {count('cluster_points')}"),
+        ("", f"{sizes} in the largest"),
+        ("neither", count("left_out_points")),
     ]
 
 
@@ -127,7 +128,7 @@ def _write(path: Path, loaded: LoadedScan, found: "Segmentation") -> str:
         return f"wrote {path}: one label a row, 0 ground, 1 and up clusters, -1 neither"
     name = _free_name(loaded)
     file = loaded.file
-    # Cluster numbers are far below this, and few other programs read 64-bit integers.
+    # Few other programs read 64-bit integers, and 32 bits suffice.
     fields = {**file.fields, name: found.labels.astype("int32")}
     points = file.points.astype("float32" if file.coordinate_dtype == "float32" else "float64")
     is_pcd = suffix == ".pcd"
@@ -142,19 +143,18 @@ def _write(path: Path, loaded: LoadedScan, found: "Segmentation") -> str:
 
 
 def semantic_kitti_labels(labels: "Labels") -> "Labels":
-    """Return labels as SemanticKITTI packs them: the class below 16 bits, the instance above.
+    """Pack labels as in SemanticKITTI: class in the lower 16 bits, instance in the upper ones.
 
     Raises
     ------
     InvalidInput
-        More clusters than 16 bits can count.
+        More than 65535 clusters.
     """
     import numpy as np
 
-    if labels.max() > _MOST_INSTANCES:
+    if labels.max() > _MAX_INSTANCES:
         raise InvalidInput(
-            f"a .label file counts at most {_MOST_INSTANCES} clusters, got {labels.max()}; "
-            "write .npy"
+            f"a .label file holds at most {_MAX_INSTANCES} clusters, got {labels.max()}; write .npy"
         )
     packed = np.where(labels > 0, _OTHER_OBJECT + (labels << 16), _UNLABELLED)
     return np.where(labels == 0, _OTHER_GROUND, packed)

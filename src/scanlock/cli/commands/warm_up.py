@@ -16,7 +16,7 @@ def warm_up() -> None:
 
     begin = time.perf_counter()
     with compile_watch() as watch, waiting("compiling"):
-        _share(_cores() if _compiles_here() else 1)
+        _compile_in(_cores() if _compiles_here() else 1)
         for step in _steps():
             step()
         warm_up_verification()
@@ -29,7 +29,7 @@ def warm_up() -> None:
 
 
 def _compiles_here() -> bool:
-    """Compile a first kernel, if need be, and return whether others can profit from more of it."""
+    """Compile a first kernel if necessary; return whether it was compiled and cached on disk."""
     import numpy as np
 
     from scanlock.kernels.points import polar
@@ -44,30 +44,30 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _share(processes: int) -> None:
-    """Compile in so many processes at once, this one among them, what one cache on disk keeps."""
+def _compile_in(processes: int) -> None:
+    """Compile the kernels of all steps in a number of processes that share a cache on disk."""
     from multiprocessing import get_context
 
     from scanlock.cli.interrupts import children_ignore_interrupts
 
     if processes < 2:
         return
-    # Started afresh, since a copy of this process would hold the compiler's locks.
+    # Spawned, since a forked process would inherit the locks of the compiler.
     context = get_context("spawn")
     taken = context.Array("b", len(_steps()))
     helpers = [
-        context.Process(target=work_off, args=(number, taken), daemon=True)
+        context.Process(target=run_steps, args=(number, taken), daemon=True)
         for number in range(1, processes)
     ]
     with children_ignore_interrupts():
         for helper in helpers:
             helper.start()
-    work_off(0, taken)
+    run_steps(0, taken)
     for helper in helpers:
         helper.join()
 
 
-def work_off(number: int, taken: Any) -> None:
+def run_steps(number: int, taken: Any) -> None:
     """Run the steps that no other process has started, in the order of this process."""
     steps = _steps()
     for k in ordered(range(len(steps)), number):
@@ -143,7 +143,7 @@ def _warm_up_files() -> None:
 
 
 def cache_location() -> str:
-    """Return the folder of the machine code, or why there is none and the remedy."""
+    """Return the location of the cache, or the reason why there is none and the remedy."""
     from scanlock.kernels.points import polar
 
     stats = getattr(polar.polar_cells, "stats", None)
@@ -154,4 +154,4 @@ def cache_location() -> str:
             "no cache folder is writable, so every run compiles again; set the "
             "environment variable NUMBA_CACHE_DIR to a writable one"
         )
-    return f"kept in {stats.cache_path}"
+    return f"cached in {stats.cache_path}"

@@ -141,7 +141,7 @@ def _analyse(outcome: Outcome, progress: Progress) -> Findings:
             ),
         ],
         trajectories=trajectories,
-        times=np.array([0.0, ROWS[-1].drive.apart / FacetLadar().rate]),
+        times=np.array([0.0, ROWS[-1].drive.step / FacetLadar().rate]),
         headline=table,
         maps=_maps(found, {name: poses[1] for name, poses in trajectories.items()}),
     )

@@ -33,18 +33,18 @@ class LadarDrive:
     speed: float
     """Speed along the path [m/s]."""
 
-    apart: int
+    step: int
     """Number of frames between the two scans of a pair."""
 
     def __str__(self) -> str:
-        frames = "consecutive frames" if self.apart == 1 else f"{self.apart} frames apart"
+        frames = "consecutive frames" if self.step == 1 else f"{self.step} frames apart"
         return f"{self.name}, {frames}"
 
 
-PARKED = LadarDrive(name="parked", speed=1e-6, apart=20)
-CREEPING = LadarDrive(name="creeping", speed=0.05, apart=1)
-WALKING = LadarDrive(name="at a walk", speed=1.0, apart=20)
-DRIVING = LadarDrive(name="at 15 km/h", speed=15.0 / 3.6, apart=1)
+PARKED = LadarDrive(name="parked", speed=1e-6, step=20)
+CREEPING = LadarDrive(name="creeping", speed=0.05, step=1)
+WALKING = LadarDrive(name="at a walk", speed=1.0, step=20)
+DRIVING = LadarDrive(name="at 15 km/h", speed=15.0 / 3.6, step=1)
 
 DRIVES = (CREEPING, PARKED, DRIVING, WALKING)
 """All drives. The paper states no speeds; the first two give its mean distances."""
@@ -73,7 +73,7 @@ def ladar_series(places: int, seed: int) -> ScanSeries:
     times: list[float] = []
     for place in range(places):
         for drive, run in zip(DRIVES, _runs(place, seed), strict=True):
-            for index, name in zip((0, drive.apart), frame_names(place, drive), strict=True):
+            for index, name in zip((0, drive.step), frame_names(place, drive), strict=True):
                 frame = run[index]
                 frames[name] = frame.points.astype(np.float32).astype(np.float64)
                 poses.append(frame.pose)
@@ -96,7 +96,7 @@ def _runs(place: int, seed: int) -> list[LadarSequence]:
     scene = _terrain(number - place % _PLACES)
     start = scene.track.length * (place % _PLACES) / _PLACES
     return [
-        ladar_run(number, scene=scene, start=start, speed=drive.speed, count=drive.apart + 1)
+        ladar_run(number, scene=scene, start=start, speed=drive.speed, count=drive.step + 1)
         for drive in DRIVES
     ]
 
@@ -110,7 +110,7 @@ def _terrain(number: int) -> Scene:
 def frame_names(place: int, drive: LadarDrive) -> tuple[str, str]:
     """Return the names of the two frames of a drive at a place: target and source."""
     stem = f"place {place:02d} {drive.name} frame"
-    return f"{stem} 0", f"{stem} {drive.apart}"
+    return f"{stem} 0", f"{stem} {drive.step}"
 
 
 def ladar_pairs(series: ScanSeries) -> list[StudyPair]:

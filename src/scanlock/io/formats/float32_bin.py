@@ -28,8 +28,8 @@ Real scans have 0.26 to 1.0 with the correct row length, and below 0.05 with a w
 _MIN_MAGNITUDE, _MAX_MAGNITUDE = 1e-12, 1e8
 """Plausible magnitudes of a coordinate [m], an intensity or a label other than zero."""
 
-_MAX_IMPLAUSIBLE_SHARE = 0.05
-"""Maximum share of implausible values; doubles or integers read as float32 exceed it."""
+_MAX_IMPLAUSIBLE_RATIO = 0.05
+"""Maximum ratio of implausible values; doubles or integers read as float32 exceed it."""
 
 _ASCENDING = 1000
 """Number of consecutive values that never all ascend where three coordinates alternate."""
@@ -119,7 +119,7 @@ def _require_plausible(path: Path, values: NDArray[np.float32]) -> None:
     sample = np.abs(values[:: max(1, len(values) // 8192)])
     used = sample[np.isfinite(sample) & (sample > 0)]
     odd = int(((used < _MIN_MAGNITUDE) | (used > _MAX_MAGNITUDE)).sum())
-    if len(used) == 0 or odd > _MAX_IMPLAUSIBLE_SHARE * len(used):
+    if len(used) == 0 or odd > _MAX_IMPLAUSIBLE_RATIO * len(used):
         raise malformed(
             path,
             "data",
@@ -186,7 +186,7 @@ def _likely_width(values: NDArray[np.float32]) -> int | None:
 
 def _row_stride(rows: int) -> int:
     stride = max(1, rows // _SAMPLE_ROWS)
-    # With a stride that shares a factor with a row length, the columns of wrong rows would
+    # With a stride that has a common factor with a row length, the columns of wrong rows would
     # differ in distribution too.
     while math.gcd(stride, math.prod(_WIDTHS)) != 1:
         stride += 1

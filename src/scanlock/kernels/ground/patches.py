@@ -91,7 +91,7 @@ def _fit_plane(
     count = 0
     predicted = 0
     squares = 0.0
-    spread = 0.0
+    squared_distances = 0.0
     for m in range(members.shape[0]):
         i = members[m]
         dx = x[i] - cx
@@ -100,14 +100,14 @@ def _fit_plane(
         if abs(residual) < threshold:
             count += 1
             squares += residual * residual
-            spread += dx * dx + dy * dy
+            squared_distances += dx * dx + dy * dy
             if abs(z[i] - prior[0] - prior[1] * dx - prior[2] * dy) < threshold:
                 predicted += 1
     if count == 0:
         return 0, 0, 0.0
     fitted[0], fitted[1], fitted[2] = h, gx, gy
     # The radius of a uniform disc is sqrt(2) times the rms distance of its points.
-    fitted[5] = math.sqrt(2.0 * spread / count)
+    fitted[5] = math.sqrt(2.0 * squared_distances / count)
     return count, predicted, math.sqrt(squares / count)
 
 

@@ -125,7 +125,7 @@ def plane_moments(
     """Return weighted sums over the points within `cutoff` thresholds of a plane.
 
     (sum w, wx, wy, wz, wxx, wxy, wxz, wyy, wyz, wzz), where w is the weight of the point over its
-    squared threshold, times the biweight of its residual, above and below the plane alike.
+    squared threshold, times the biweight of its residual on either side of the plane.
     """
     s0 = sx = sy = sz = sxx = sxy = sxz = syy = syz = szz = 0.0
     for i in range(x.shape[0]):

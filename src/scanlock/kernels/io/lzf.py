@@ -1,4 +1,4 @@
-"""LZF, the byte compression inside PCD files: runs of literals and references up to 8 KiB back."""
+"""LZF, the compression of PCD files: literals, and matches up to 8 KiB back."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,19 +8,19 @@ from scanlock.kernels._compile import kernel
 Bytes = NDArray[np.uint8]
 """(n,) raw bytes."""
 
-_LONGEST_LITERAL = 32
-_LONGEST_MATCH = 264
-_FARTHEST_MATCH = 8192
+_MAX_LITERAL = 32
+_MAX_MATCH = 264
+_MAX_DISTANCE = 8192
 _HASH_BITS = 14
 
 
 @kernel
 def lzf_decode(packed: Bytes, size: int) -> tuple[Bytes, int]:
-    """Return the `size` unpacked bytes and how many were written, or minus the faulty offset.
+    """Return the `size` unpacked bytes and the number written, or minus the offset of an error.
 
-    A control byte below 32 announces ``control + 1`` literals. Any other holds a length in its
-    upper three bits (7: one more byte follows and is added) and, with the next byte, a 13-bit
-    distance; ``length + 2`` bytes are repeated from ``distance + 1`` back.
+    A control byte below 32 is followed by ``control + 1`` literals. Any other has a length in its
+    upper three bits (7: one more byte is added) and, with the next byte, a 13-bit distance:
+    ``length + 2`` bytes are repeated from ``distance + 1`` bytes back.
     """
     out = np.empty(size, np.uint8)
     n = packed.shape[0]
@@ -49,7 +49,7 @@ def lzf_decode(packed: Bytes, size: int) -> tuple[Bytes, int]:
             i += 1
             if back > o or o + length > size:
                 return out, -i
-            # Byte by byte: a reference may reach into what it is writing itself.
+            # Byte by byte: a match may overlap the bytes that it writes.
             for k in range(length):
                 out[o + k] = out[o + k - back]
         o += length
@@ -57,9 +57,9 @@ def lzf_decode(packed: Bytes, size: int) -> tuple[Bytes, int]:
 
 
 @kernel
-def _put_literals(raw: Bytes, start: int, stop: int, out: Bytes, o: int) -> int:
+def _write_literals(raw: Bytes, start: int, stop: int, out: Bytes, o: int) -> int:
     while start < stop:
-        length = min(_LONGEST_LITERAL, stop - start)
+        length = min(_MAX_LITERAL, stop - start)
         out[o] = length - 1
         for k in range(length):
             out[o + 1 + k] = raw[start + k]
@@ -70,7 +70,7 @@ def _put_literals(raw: Bytes, start: int, stop: int, out: Bytes, o: int) -> int:
 
 @kernel
 def _match_length(raw: Bytes, earlier: int, i: int) -> int:
-    limit = min(_LONGEST_MATCH, raw.shape[0] - i)
+    limit = min(_MAX_MATCH, raw.shape[0] - i)
     length = 0
     while length < limit and raw[earlier + length] == raw[i + length]:
         length += 1
@@ -79,28 +79,28 @@ def _match_length(raw: Bytes, earlier: int, i: int) -> int:
 
 @kernel
 def lzf_encode(raw: Bytes) -> Bytes:
-    """Return bytes that `lzf_decode` turns back into `raw`; never longer than 33/32 of it, plus 2.
+    """Return bytes that `lzf_decode` decodes to `raw`, at most 33/32 of its length plus 2.
 
-    Greedy: a table of the last place of every three-byte prefix proposes one match a position.
+    Greedy: a table of the last position of each three-byte prefix proposes one match per position.
     """
     n = raw.shape[0]
-    out = np.empty(n + n // _LONGEST_LITERAL + 2, np.uint8)
-    places = np.full(1 << _HASH_BITS, -1, np.int64)
+    out = np.empty(n + n // _MAX_LITERAL + 2, np.uint8)
+    last_positions = np.full(1 << _HASH_BITS, -1, np.int64)
     o = 0
     i = 0
     start = 0
     while i + 2 < n:
         prefix = (int(raw[i]) << 16) | (int(raw[i + 1]) << 8) | int(raw[i + 2])
         slot = ((prefix * 2654435761) >> 15) & ((1 << _HASH_BITS) - 1)
-        earlier = places[slot]
-        places[slot] = i
+        earlier = last_positions[slot]
+        last_positions[slot] = i
         length = 0
-        if earlier >= 0 and i - earlier <= _FARTHEST_MATCH:
+        if earlier >= 0 and i - earlier <= _MAX_DISTANCE:
             length = _match_length(raw, earlier, i)
         if length < 3:
             i += 1
             continue
-        o = _put_literals(raw, start, i, out, o)
+        o = _write_literals(raw, start, i, out, o)
         distance = i - earlier - 1
         if length - 2 < 7:
             out[o] = ((length - 2) << 5) | (distance >> 8)
@@ -112,5 +112,5 @@ def lzf_encode(raw: Bytes) -> Bytes:
         o += 2
         i += length
         start = i
-    o = _put_literals(raw, start, n, out, o)
+    o = _write_literals(raw, start, n, out, o)
     return out[:o].copy()

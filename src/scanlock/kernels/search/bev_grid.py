@@ -1,4 +1,4 @@
-"""A scan seen from above: how full its columns are, and where its ground lies."""
+"""BEV grid of a scan: occupied height bins, free cells and ground heights."""
 
 import math
 
@@ -8,125 +8,164 @@ from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
 _BLOCK = 256
-"""Points whose columns are computed at a time, for the sake of vector units."""
+"""Number of points processed together, in loops that use vector units."""
 
 
 @kernel
-def _place_block(
-    place: Vector,
+def _locate_block(
+    coordinates: Vector,
     level_from_scan: Matrix,
-    reach: int,
-    columns_per_metre: float,
-    slots_per_metre: float,
-    slots: int,
+    half_side: int,
+    cells_per_metre: float,
+    bins_per_metre: float,
+    height_bins: int,
     found: Vector,
 ) -> None:
-    """Write the columns, the level z and the slots of a block of points, 3 rows of numbers.
+    """Write the cells, the levelled z and the height bins of a block of points, as 3 rows.
 
-    `place` holds x, y, z and heights, 4 rows. What lies outside gets one more column of its own.
+    `coordinates` has 4 rows: x, y, z and height. Points outside the grid get one more cell.
     """
     r00, r01, r02, t0 = level_from_scan[0]
     r10, r11, r12, t1 = level_from_scan[1]
     r20, r21, r22, t2 = level_from_scan[2]
-    side, last = 2.0 * reach, slots - 1.0
+    side, last = 2.0 * half_side, height_bins - 1.0
     for p in range(_BLOCK):
-        x, y, z = place[p], place[_BLOCK + p], place[2 * _BLOCK + p]
-        i = np.floor((r00 * x + r01 * y + r02 * z + t0) * columns_per_metre) + reach
-        j = np.floor((r10 * x + r11 * y + r12 * z + t1) * columns_per_metre) + reach
+        x, y, z = coordinates[p], coordinates[_BLOCK + p], coordinates[2 * _BLOCK + p]
+        i = np.floor((r00 * x + r01 * y + r02 * z + t0) * cells_per_metre) + half_side
+        j = np.floor((r10 * x + r11 * y + r12 * z + t1) * cells_per_metre) + half_side
         is_inside = (i >= 0.0) & (i < side) & (j >= 0.0) & (j < side)
         level = r20 * x + r21 * y + r22 * z + t2
-        height = place[3 * _BLOCK + p]
+        height = coordinates[3 * _BLOCK + p]
         height = level if np.isnan(height) else height
         found[p] = i * side + j if is_inside else side * side
         found[_BLOCK + p] = level
-        found[2 * _BLOCK + p] = min(last, max(0.0, np.floor(height * slots_per_metre)))
+        found[2 * _BLOCK + p] = min(last, max(0.0, np.floor(height * bins_per_metre)))
 
 
 @kernel
-def column_slots(
+def occupied_height_bins(
     points: Points,
     heights: Vector,
-    is_standing: Mask,
+    is_obstacle: Mask,
     is_ground: Mask,
     level_from_scan: Matrix,
-    reach: int,
-    width: float,
-    slot: float,
-    slots: int,
+    half_side: int,
+    cell_size: float,
+    bin_height: float,
+    height_bins: int,
 ) -> tuple[Labels, Matrix]:
-    """Return which slots of each column are full, and the sum and number of its ground's z.
+    """Return the occupied height bins of each cell, and the sum and number of its ground's z.
 
-    Column (i, j) is row ``2 i reach + j`` of both, and begins at ``(i - reach) * width`` along
-    the level x axis. Its slots are the bits of a whole number, at most 62; they stand upon each
-    other from the ground, and the last has no top. A standing point whose height is NaN counts
-    by its level z.
+    Cell (i, j) is row ``2 half_side i + j`` of both results. It begins at ``i - half_side`` and
+    ``j - half_side`` cells from the z axis of the levelled frame. Its height bins are the bits of
+    an integer, at most 62 from the ground upwards; the top bin has no upper end.
 
     Parameters
     ----------
     points : (n, 3) [m]
     heights : (n,) [m]
-    is_standing, is_ground : (n,)
+        Heights above the ground; where they are NaN, the levelled z is used instead.
+    is_obstacle, is_ground : (n,)
     level_from_scan : (3, 4) [m]
+    half_side : int
+        Half the number of cells along a side.
+    cell_size, bin_height : float [m]
+    height_bins : int
+        Number of height bins of a cell.
+
+    Returns
+    -------
+    occupied_bins : (4 half_side^2,)
+    ground_sums : (4 half_side^2, 2)
+        Sum of z [m] and number of the ground points.
     """
-    n, columns = points.shape[0], 4 * reach * reach
-    filled = np.zeros(columns + 1, np.int64)
-    ground = np.zeros((columns + 1, 2), np.float64)
-    place, found = np.zeros(4 * _BLOCK), np.zeros(3 * _BLOCK)
+    n, cells = points.shape[0], 4 * half_side * half_side
+    occupied_bins = np.zeros(cells + 1, np.int64)
+    ground_sums = np.zeros((cells + 1, 2), np.float64)
+    coordinates, found = np.zeros(4 * _BLOCK), np.zeros(3 * _BLOCK)
     for start in range(0, n, _BLOCK):
         count = min(_BLOCK, n - start)
         for p in range(count):
-            place[p] = points[start + p, 0]
-            place[_BLOCK + p] = points[start + p, 1]
-            place[2 * _BLOCK + p] = points[start + p, 2]
-            place[3 * _BLOCK + p] = heights[start + p]
-        _place_block(place, level_from_scan, reach, 1.0 / width, 1.0 / slot, slots, found)
+            coordinates[p] = points[start + p, 0]
+            coordinates[_BLOCK + p] = points[start + p, 1]
+            coordinates[2 * _BLOCK + p] = points[start + p, 2]
+            coordinates[3 * _BLOCK + p] = heights[start + p]
+        _locate_block(
+            coordinates,
+            level_from_scan,
+            half_side,
+            1.0 / cell_size,
+            1.0 / bin_height,
+            height_bins,
+            found,
+        )
         for p in range(count):
-            # Unsigned, as Numba looks at the sign of other indices before it uses them.
-            column = np.uint32(found[p])
+            # Unsigned, since Numba checks the sign of other indices.
+            cell = np.uint32(found[p])
             if is_ground[start + p]:
-                ground[column, 0] += found[_BLOCK + p]
-                ground[column, 1] += 1.0
+                ground_sums[cell, 0] += found[_BLOCK + p]
+                ground_sums[cell, 1] += 1.0
             else:
-                filled[column] |= np.int64(is_standing[start + p]) << np.int64(
+                occupied_bins[cell] |= np.int64(is_obstacle[start + p]) << np.int64(
                     found[2 * _BLOCK + p]
                 )
-    return filled[:columns], ground[:columns]
+    return occupied_bins[:cells], ground_sums[:cells]
 
 
 @kernel
-def columns_and_ground(
-    filled: Labels, ground: Matrix, width: float, size: int
+def cells_and_ground(
+    occupied_bins: Labels, ground_sums: Matrix, cell_size: float, block: int
 ) -> tuple[Matrix, Labels, Matrix, Matrix]:
-    """Return the full columns, their numbers of slots, those of ground alone, and its heights.
+    """Return occupied cells, their numbers of height bins, free cells and ground heights.
 
-    Columns are the (k, 2) and (m, 2) middles [m] about that of the grid, row by row. Heights are
-    the mean z [m] of the ground in the columns of each (size, size) block, NaN where there is
-    none; `filled` and `ground` are those of `column_slots`.
+    Parameters
+    ----------
+    occupied_bins, ground_sums
+        Results of `occupied_height_bins`.
+    cell_size : float [m]
+    block : int
+        Cells along each side of a ground cell.
+
+    Returns
+    -------
+    occupied : (k, 2) [m]
+        Centres of the cells with an occupied bin, relative to the z axis.
+    bin_counts : (k,)
+        Number of their occupied bins.
+    free : (m, 2) [m]
+        Centres of the cells with ground only.
+    ground_heights : (s, s) [m]
+        Mean z of the ground over the cells of each block, NaN without ground.
     """
-    side = round(math.sqrt(filled.shape[0]))
-    full, slots = np.empty((side * side, 2)), np.empty(side * side, np.int64)
-    opened = np.empty((side * side, 2))
-    totals = np.zeros((side // size, side // size))
-    counts = np.zeros((side // size, side // size))
-    standing = bare = 0
+    side = round(math.sqrt(occupied_bins.shape[0]))
+    occupied, bin_counts = np.empty((side * side, 2)), np.empty(side * side, np.int64)
+    free = np.empty((side * side, 2))
+    totals = np.zeros((side // block, side // block))
+    counts = np.zeros((side // block, side // block))
+    occupied_count = free_count = 0
     for i in range(side):
         for j in range(side):
-            bits, seen = filled[i * side + j], ground[i * side + j, 1]
-            if seen > 0.0:
-                totals[i // size, j // size] += ground[i * side + j, 0] / seen
-                counts[i // size, j // size] += 1.0
-            x, y = (i + 0.5 - 0.5 * side) * width, (j + 0.5 - 0.5 * side) * width
+            bits, count = occupied_bins[i * side + j], ground_sums[i * side + j, 1]
+            if count > 0.0:
+                totals[i // block, j // block] += ground_sums[i * side + j, 0] / count
+                counts[i // block, j // block] += 1.0
+            x, y = (i + 0.5 - 0.5 * side) * cell_size, (j + 0.5 - 0.5 * side) * cell_size
             if bits != 0:
-                full[standing, 0], full[standing, 1] = x, y
-                slots[standing] = 0
+                occupied[occupied_count, 0], occupied[occupied_count, 1] = x, y
+                bin_counts[occupied_count] = 0
                 while bits != 0:
                     bits &= bits - 1
-                    slots[standing] += 1
-                standing += 1
-            elif seen > 0.0:
-                opened[bare, 0], opened[bare, 1] = x, y
-                bare += 1
+                    bin_counts[occupied_count] += 1
+                occupied_count += 1
+            elif count > 0.0:
+                free[free_count, 0], free[free_count, 1] = x, y
+                free_count += 1
     for i in range(totals.shape[0]):
         for j in range(totals.shape[1]):
             totals[i, j] = totals[i, j] / counts[i, j] if counts[i, j] > 0.0 else math.nan
-    return full[:standing].copy(), slots[:standing].copy(), opened[:bare].copy(), totals
+    return (
+        occupied[:occupied_count].copy(),
+        bin_counts[:occupied_count].copy(),
+        free[:free_count].copy(),
+        totals,
+    )

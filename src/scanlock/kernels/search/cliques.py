@@ -1,6 +1,6 @@
-"""Sets of matches that all agree, in a graph whose neighbours are bits of words.
+"""Greedy cliques in a compatibility graph with neighbours as bits.
 
-With 64 neighbours to a word, those that two matches share are counted 64 at a time.
+An unsigned word has 64 neighbours, so common neighbours of two matches are counted 64 at a time.
 """
 
 import numpy as np
@@ -14,90 +14,92 @@ Words = NDArray[np.uint64]
 
 @kernel
 def shared_neighbours(graph: Words) -> tuple[Labels, Labels]:
-    """Return the (e, 2) pairs of neighbours in an (m, w) graph, and how many they share.
+    """Return the (e, 2) edges of an (m, w) graph and their numbers of common neighbours (e,).
 
-    The larger row comes first in a pair. Wrong matches that happen to agree share few.
+    The larger row comes first in an edge. Wrong matches that are consistent by chance have few
+    common neighbours.
     """
     m, words = graph.shape
     count = 0
     for a in range(m):
         for w in range(words):
-            count += _ones(graph[a, w])
-    pairs = np.empty((count // 2, 2), np.int64)
+            count += _count_ones(graph[a, w])
+    edges = np.empty((count // 2, 2), np.int64)
     shared = np.zeros(count // 2, np.int64)
     k = 0
     for a in range(m):
         for b in range(a):
             if (graph[a, b >> 6] >> np.uint64(b & 63)) & np.uint64(1):
-                pairs[k, 0], pairs[k, 1] = a, b
+                edges[k, 0], edges[k, 1] = a, b
                 for w in range(words):
-                    shared[k] += _ones(graph[a, w] & graph[b, w])
+                    shared[k] += _count_ones(graph[a, w] & graph[b, w])
                 k += 1
-    return pairs, shared
+    return edges, shared
 
 
 @kernel
-def grown_sets(graph: Words, pairs: Labels, most: int, largest: int) -> Labels:
-    """Return up to `most` (s, largest) sets of rows that are all neighbours; -1 fills up.
+def greedy_cliques(graph: Words, edges: Labels, max_cliques: int, max_size: int) -> Labels:
+    """Return up to `max_cliques` cliques as (s, max_size) rows of the graph, padded by -1.
 
-    Each grows from the first of the (e, 2) pairs that lies in no earlier set, by the row that
-    leaves the most candidates, until none is left or the set is full. Sets of two are left out.
+    Each grows from the first of the (e, 2) edges that is in no earlier clique. It takes the row
+    that leaves the most candidates, until there is none or the clique has its maximum size.
+    Cliques of two are left out.
     """
     m, words = graph.shape
-    sets = np.full((most, largest), -1, np.int64)
-    spent = np.zeros((m, words), np.uint64)
+    cliques = np.full((max_cliques, max_size), -1, np.int64)
+    used = np.zeros((m, words), np.uint64)
     left = np.empty(words, np.uint64)
     n = 0
-    for k in range(pairs.shape[0]):
-        if n == most:
+    for k in range(edges.shape[0]):
+        if n == max_cliques:
             break
-        a, b = pairs[k, 0], pairs[k, 1]
-        if (spent[a, b >> 6] >> np.uint64(b & 63)) & np.uint64(1):
+        a, b = edges[k, 0], edges[k, 1]
+        if (used[a, b >> 6] >> np.uint64(b & 63)) & np.uint64(1):
             continue
         size = 2
-        sets[n, 0], sets[n, 1] = a, b
+        cliques[n, 0], cliques[n, 1] = a, b
         for w in range(words):
             left[w] = graph[a, w] & graph[b, w]
-        while size < largest:
+        while size < max_size:
             best = _best_candidate(graph, left)
             if best < 0:
                 break
-            sets[n, size] = best
+            cliques[n, size] = best
             size += 1
             for w in range(words):
                 left[w] &= graph[best, w]
         for i in range(size):
             for j in range(size):
-                other = sets[n, j]
-                spent[sets[n, i], other >> 6] |= np.uint64(1) << np.uint64(other & 63)
+                other = cliques[n, j]
+                used[cliques[n, i], other >> 6] |= np.uint64(1) << np.uint64(other & 63)
         if size > 2:
             n += 1
         else:
-            sets[n, :2] = -1
-    return sets[:n]
+            cliques[n, :2] = -1
+    return cliques[:n]
 
 
 @kernel
 def _best_candidate(graph: Words, left: Words) -> int | np.int64:
-    """Return the row among the bits of `left` with the most neighbours there; -1 without any."""
-    best, most = -1, -1
+    """Return the row among the bits of `left` with the most neighbours there; -1 if none is."""
+    best, best_count = -1, -1
     for w in range(left.shape[0]):
         rest = left[w]
         while rest != 0:
             lowest = rest & (~rest + np.uint64(1))
             rest ^= lowest
-            row = 64 * w + _ones(lowest - np.uint64(1))
+            row = 64 * w + _count_ones(lowest - np.uint64(1))
             count = 0
             for u in range(left.shape[0]):
-                count += _ones(left[u] & graph[row, u])
-            if count > most:
-                best, most = row, count
+                count += _count_ones(left[u] & graph[row, u])
+            if count > best_count:
+                best, best_count = row, count
     return best
 
 
 @kernel
-def _ones(word: np.uint64) -> np.int64:
-    """Return how many bits of a word are set."""
+def _count_ones(word: np.uint64) -> np.int64:
+    """Return the number of bits of a word that are 1."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)

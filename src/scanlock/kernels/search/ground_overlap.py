@@ -1,4 +1,4 @@
-"""Ground that two scans both saw from above, and the plane through the gap between them."""
+"""Height differences of the grounds of two scans where they overlap, and sums for a plane."""
 
 import math
 
@@ -9,7 +9,7 @@ from scanlock.kernels._compile import kernel, sum_kernel
 
 
 @kernel
-def ground_gaps(
+def ground_differences(
     target: Matrix,
     target_cell: float,
     source: Matrix,
@@ -17,19 +17,26 @@ def ground_gaps(
     rotation: Matrix,
     translation: Vector,
 ) -> Matrix:
-    """Return how the ground of the target lies over that of the source, cell by cell.
+    """Return the height differences from the ground of the source to that of the target.
 
-    Grids hold level heights [m], NaN where no ground was seen, about the axis through their
-    middle; rotation and translation [m] carry the source into the frame of the target.
+    Parameters
+    ----------
+    target, source : (t, t) and (s, s) [m]
+        Ground heights in levelled frames, NaN if unobserved. The z axis of each frame is through
+        the middle of its grid.
+    target_cell, source_cell : float [m]
+        Sides of the cells.
+    rotation, translation : (3, 3) and (3,) [m]
+        Pose of the source in the frame of the target.
 
     Returns
     -------
-    gaps : (3, s * s) [m]
-        Where each cell of the source lies, x and y from the translation, and how much higher
-        the target is there; NaN where only one of them shows ground.
+    (3, s * s) [m]
+        x and y of each cell of the source relative to the translation, and the height of the
+        target minus that of the source; NaN unless both have ground there.
     """
     half_source, half_target = source.shape[0] // 2, target.shape[0] // 2
-    gaps = np.full((3, source.size), math.nan, np.float64)
+    differences = np.full((3, source.size), math.nan, np.float64)
     for i in range(source.shape[0]):
         x = (i - half_source + 0.5) * source_cell
         for j in range(source.shape[1]):
@@ -44,24 +51,25 @@ def ground_gaps(
             column = math.floor((dy + translation[1]) / target_cell) + half_target
             if 0 <= row < target.shape[0] and 0 <= column < target.shape[1]:
                 cell = i * source.shape[1] + j
-                gaps[0, cell], gaps[1, cell] = dx, dy
-                gaps[2, cell] = target[row, column] - dz - translation[2]
-    return gaps
+                differences[0, cell], differences[1, cell] = dx, dy
+                differences[2, cell] = target[row, column] - dz - translation[2]
+    return differences
 
 
 @sum_kernel
-def plane_sums(gaps: Matrix, scale: float) -> tuple[Vector, Vector]:
-    """Return sums over the cells with a gap, of `ground_gaps`, plain and weighted.
+def plane_sums(differences: Matrix, scale: float) -> tuple[Vector, Vector]:
+    """Return unweighted and weighted sums over the cells with a difference d, for a plane fit.
 
-    Plain are the sums of 1, x, y, x x, x y, y y; the weighted ones are followed by those of the
-    gap, x times the gap, y times the gap. A gap of `scale` [m] weighs a quarter of none.
+    The first result (6,) has the sums of 1, x, y, x x, x y, y y. The second (9,) has the same
+    weighted by ``1 / (1 + (d / scale)^2)^2``, followed by the weighted sums of d, x d, y d.
+    `differences` are those of `ground_differences`; `scale` is in metres.
     """
     plain, weighted = np.zeros(6), np.zeros(9)
-    for k in range(gaps.shape[1]):
-        x, y, gap = gaps[0, k], gaps[1, k], gaps[2, k]
-        if math.isnan(gap):
+    for k in range(differences.shape[1]):
+        x, y, difference = differences[0, k], differences[1, k], differences[2, k]
+        if math.isnan(difference):
             continue
-        w = 1.0 / (1.0 + (gap / scale) * (gap / scale))
+        w = 1.0 / (1.0 + (difference / scale) * (difference / scale))
         w *= w
         plain[0] += 1.0
         plain[1] += x
@@ -75,7 +83,7 @@ def plane_sums(gaps: Matrix, scale: float) -> tuple[Vector, Vector]:
         weighted[3] += w * x * x
         weighted[4] += w * x * y
         weighted[5] += w * y * y
-        weighted[6] += w * gap
-        weighted[7] += w * x * gap
-        weighted[8] += w * y * gap
+        weighted[6] += w * difference
+        weighted[7] += w * x * difference
+        weighted[8] += w * y * difference
     return plain, weighted

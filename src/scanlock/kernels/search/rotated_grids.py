@@ -1,4 +1,4 @@
-"""The map of a scan seen from above, turned to many headings."""
+"""BEV grids of a scan, rotated to many headings."""
 
 import math
 
@@ -10,8 +10,8 @@ from scanlock.kernels._compile import kernel
 
 
 @kernel
-def _turned_cells(points: Matrix, c: float, s: float, side: int, cells: NDArray[np.int32]) -> None:
-    """Write the cell of each point (n, 2) turned and scaled; beyond the map the one after all.
+def _rotated_cells(points: Matrix, c: float, s: float, side: int, cells: NDArray[np.int32]) -> None:
+    """Write the cell of each rotated and scaled point (n, 2); points outside get ``side**2``.
 
     Without a branch or a call, so that the loop uses vector units.
     """
@@ -25,36 +25,37 @@ def _turned_cells(points: Matrix, c: float, s: float, side: int, cells: NDArray[
 
 
 @kernel
-def turned_maps(
-    columns: Matrix,
-    fills: Vector,
-    open_columns: Matrix,
-    openness: float,
+def rotated_grids(
+    occupied: Matrix,
+    occupancy: Vector,
+    free: Matrix,
+    free_cell_weight: float,
     headings: Vector,
     cell: float,
     side: int,
 ) -> NDArray[np.float32]:
-    """Return (h, side, side) maps of a scan turned about the z axis by (h,) angles [rad].
+    """Return (h, side, side) BEV grids of a scan rotated about the z axis by (h,) angles [rad].
 
-    A cell holds the fullest of the columns (m, 2) [m] whose centre lies in it; where there is
-    none but open ground (k, 2) [m] it holds ``-openness``, and elsewhere 0. The axis is the
-    corner of the cell ``(side / 2, side / 2)``; what lies beyond the map is left out.
+    The value of a cell is the maximum occupancy of the occupied centres (m, 2) [m] in it. Without
+    any it is ``-free_cell_weight`` if there is a free centre (k, 2) [m] in it, otherwise 0. The z
+    axis is at the corner of the cell ``(side / 2, side / 2)``; centres outside are left out.
     """
-    maps = np.zeros((headings.shape[0], side * side), np.float32)
-    # One cell more, for what lies beyond.
-    own = np.empty(side * side + 1, np.float32)
-    full, opened = np.empty(len(columns), np.int32), np.empty(len(open_columns), np.int32)
+    grids = np.zeros((headings.shape[0], side * side), np.float32)
+    # The last cell takes the centres outside.
+    values = np.empty(side * side + 1, np.float32)
+    occupied_cells = np.empty(len(occupied), np.int32)
+    free_cells = np.empty(len(free), np.int32)
     for h in range(headings.shape[0]):
         c, s = math.cos(headings[h]) / cell, math.sin(headings[h]) / cell
-        _turned_cells(open_columns, c, s, side, opened)
-        _turned_cells(columns, c, s, side, full)
+        _rotated_cells(free, c, s, side, free_cells)
+        _rotated_cells(occupied, c, s, side, occupied_cells)
         for k in range(side * side):
-            own[k] = 0.0
-        for k in range(opened.shape[0]):
-            own[np.uint32(opened[k])] = -openness
-        for k in range(full.shape[0]):
-            at = np.uint32(full[k])
-            own[at] = max(own[at], np.float32(fills[k]))
+            values[k] = 0.0
+        for k in range(free_cells.shape[0]):
+            values[np.uint32(free_cells[k])] = -free_cell_weight
+        for k in range(occupied_cells.shape[0]):
+            at = np.uint32(occupied_cells[k])
+            values[at] = max(values[at], np.float32(occupancy[k]))
         for k in range(side * side):
-            maps[h, k] = own[k]
-    return maps.reshape((headings.shape[0], side, side))
+            grids[h, k] = values[k]
+    return grids.reshape((headings.shape[0], side, side))

@@ -1,4 +1,4 @@
-"""The first surface that each ray meets.
+"""Ray casting: the first surface that each ray hits.
 
 A surface is a row of 15 numbers: its centre (3) [m], the rotation from world to its own axes
 (9, by rows), and three sizes [m] whose meaning depends on its kind:
@@ -11,7 +11,7 @@ A surface is a row of 15 numbers: its centre (3) [m], the rotation from world to
 4 triangle  a, b, c  corners (0, 0), (a, 0), (b, c) in the plane z = 0
 =========== ======== =========================================================
 
-A ray meets a surface at the first crossing in front of its origin, from outside or inside.
+A ray hits a surface at its first intersection in front of the origin, from outside or inside.
 """
 
 import math
@@ -39,12 +39,11 @@ def cast_rays(
     node_link: Labels,
     node_count: Labels,
 ) -> tuple[Vector, Vector, Labels]:
-    """Return distance [m], cosine of incidence and row of the first surface each ray meets.
+    """Return distance [m], cosine of incidence and row of the first surface hit by each ray.
 
-    Origins and directions (unit vectors) are (n, 3), and `limits` (n,) says how far each ray
-    looks [m]. One that meets nothing that near has infinity, 0 and NOTHING. The nodes are
-    those of `scanlock.kernels.simulation.ray_tree.box_tree`, with the surfaces in the order of its
-    leaves.
+    Origins and directions (unit vectors) are (n, 3); `limits` (n,) are maximum ranges [m]. A ray
+    without a hit in its range has infinity, 0 and NOTHING. The nodes are those of
+    `scanlock.kernels.simulation.ray_tree.box_tree`, with the surfaces in the order of its leaves.
     """
     n = origins.shape[0]
     distances = np.full(n, np.inf)
@@ -57,7 +56,7 @@ def cast_rays(
     for i in range(n):
         x, y, z = origins[i, 0], origins[i, 1], origins[i, 2]
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        t, k = _descend(
+        t, k = _traverse(
             x, y, z, dx, dy, dz, limits[i], kinds, surfaces,
             node_bounds, node_link, node_count, stack, entries,
         )  # fmt: skip
@@ -78,11 +77,11 @@ def cast_at_movers(
     first: Labels,
     frames: Matrix,
 ) -> tuple[Vector, Vector, Labels]:
-    """Return the same as `cast_rays` for surfaces that move, each ray at its own time [s].
+    """Return the results of `cast_rays` for moving surfaces, with each ray at its own time [s].
 
-    Mover m owns the rows ``first[m] : first[m + 1]``, given in its own frame. Row m of `frames`
-    is its position at time 0 (3), the rotation from world to its frame (9, by rows), its
-    velocity (3) [m/s] and the radius of a sphere about its origin that holds it.
+    Mover m has the surfaces ``first[m] : first[m + 1]``, in its own frame. Row m of `frames` is
+    its position at time 0 (3), the rotation from world to its frame (9, by rows), its velocity
+    (3) [m/s] and the radius [m] of its bounding sphere about its origin.
     """
     n = origins.shape[0]
     distances = np.full(n, np.inf)
@@ -95,7 +94,7 @@ def cast_at_movers(
             y = origins[i, 1] - frame[1] - times[i] * frame[13]
             z = origins[i, 2] - frame[2] - times[i] * frame[14]
             dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-            # Most rays pass the enclosing sphere by.
+            # Most rays miss the bounding sphere.
             ahead = max(-(x * dx + y * dy + z * dz), 0.0)
             if x * x + y * y + z * z - ahead * ahead > frame[15] * frame[15]:
                 continue
@@ -117,14 +116,14 @@ def cast_at_movers(
 
 
 @kernel
-def _descend(
+def _traverse(
     x: float,
     y: float,
     z: float,
     dx: float,
     dy: float,
     dz: float,
-    reach: float,
+    max_range: float,
     kinds: Labels,
     surfaces: Matrix,
     node_bounds: Matrix,
@@ -133,9 +132,9 @@ def _descend(
     stack: Labels,
     entries: Vector,
 ) -> tuple[float, int]:
-    """Return distance and index of the first surface nearer than `reach`, or -1."""
+    """Return distance and index of the first surface nearer than `max_range`, or -1."""
     ix, iy, iz = _inverse(dx), _inverse(dy), _inverse(dz)
-    best, hit = reach, NOTHING
+    best, hit = max_range, NOTHING
     depth = 0
     node = 0
     if not _entry(x, y, z, ix, iy, iz, best, node_bounds, 0) < best:
@@ -171,7 +170,7 @@ def _descend(
 
 @kernel
 def _inverse(component: float) -> float:
-    # An infinite inverse would make 0 * inf, which is NaN, on the face of a box.
+    # With an infinite inverse, 0 * inf would be NaN on the face of a box.
     return 1.0 / component if abs(component) > _FLAT else 1.0 / _FLAT
 
 
@@ -187,7 +186,7 @@ def _entry(
     bounds: Matrix,
     k: int,
 ) -> float:
-    """Return the distance at which a ray enters box k, infinity where it misses it."""
+    """Return the distance at which a ray enters box k; infinity if it misses."""
     a, b = (bounds[k, 0] - x) * ix, (bounds[k, 3] - x) * ix
     enter, leave = min(a, b), max(a, b)
     a, b = (bounds[k, 1] - y) * iy, (bounds[k, 4] - y) * iy
@@ -202,9 +201,9 @@ def _entry(
 def _surface(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, kind: int, s: Vector
 ) -> float:
-    """Return the distance to the first crossing of one surface, infinity without any."""
+    """Return the distance to the first intersection with a surface; infinity without any."""
     x, y, z = x - s[0], y - s[1], z - s[2]
-    # The third axis alone decides about flat surfaces that lie behind.
+    # The third axis alone excludes flat surfaces behind the origin.
     oz = s[9] * x + s[10] * y + s[11] * z
     vz = s[9] * dx + s[10] * dy + s[11] * dz
     if kind >= DISC and not oz * vz < 0.0:
@@ -243,7 +242,7 @@ def _roots(a: float, b: float, c: float) -> tuple[float, float]:
     square = b * b - a * c
     if not square >= 0.0:
         return np.inf, np.inf
-    # Both roots without taking the difference of nearly equal numbers.
+    # Both roots without cancellation.
     q = -(b + math.copysign(math.sqrt(square), b))
     s = q / a if a != 0.0 else np.inf
     t = c / q if q != 0.0 else (0.0 if a != 0.0 else np.inf)

@@ -1,4 +1,4 @@
-"""Where rays meet the ground, a grid of heights with a bilinear patch in every cell."""
+"""Ray casting on the ground, a grid of heights with a bilinear patch in every cell."""
 
 import math
 
@@ -8,10 +8,10 @@ from scanlock.arrays import Matrix, Points, Vector
 from scanlock.kernels._compile import kernel
 
 TILE = 8
-"""Cells along the side of a tile; a tile that a ray passes above is crossed in one step."""
+"""Cells along the side of a tile. A ray crosses a tile in one step where it is above it."""
 
 _SEAM = 1e-9
-"""How far past its cell [m] a patch is still met, so that no ray slips between two cells."""
+"""Margin of a patch beyond its cell [m], so that no ray passes between two cells."""
 
 
 @kernel
@@ -24,18 +24,18 @@ def cast_at_ground(
     corner: Vector,
     cell: float,
 ) -> tuple[Vector, Vector]:
-    """Return distance [m] and cosine of incidence where each (n, 3) ray meets the ground.
+    """Return distance [m] and cosine of incidence of the ground hit by each (n, 3) ray.
 
-    ``heights[i, j]`` [m] stands at ``corner + cell * (i, j)``, and ``tops[i, j]`` is the highest
-    of tile (i, j), borders included. Directions are unit vectors; a ray looks as far as its
-    limit [m]. One that meets no ground, as outside the grid, has infinity and 0.
+    ``heights[i, j]`` [m] is the height at ``corner + cell * (i, j)``, and ``tops[i, j]`` the
+    maximum of tile (i, j) with its borders. Directions are unit vectors; `limits` (n,) are maximum
+    ranges [m]. A ray without a hit, such as one outside the grid, has infinity and 0.
     """
     n = origins.shape[0]
     distances = np.full(n, np.inf)
     cosines = np.zeros(n)
     ends = np.array([heights.shape[0] - 1.0, heights.shape[1] - 1.0])
     for i in range(n):
-        # Horizontally in cells, so that a cell is a unit square.
+        # Horizontal coordinates in cells, so that a cell is a unit square.
         u, v = (origins[i, 0] - corner[0]) / cell, (origins[i, 1] - corner[1]) / cell
         du, dv = directions[i, 0] / cell, directions[i, 1] / cell
         enter, leave = _between(u, du, 0.0, ends[0], 0.0, limits[i])
@@ -55,7 +55,7 @@ def cast_at_ground(
 def _between(
     start: float, rate: float, low: float, high: float, enter: float, leave: float
 ) -> tuple[float, float]:
-    """Return the part of [enter, leave] for which ``start + rate * t`` lies in [low, high]."""
+    """Return the interval of t in [enter, leave] with ``start + rate * t`` in [low, high]."""
     if rate == 0.0:
         return (enter, leave) if low <= start <= high else (np.inf, -np.inf)
     a, b = (low - start) / rate, (high - start) / rate
@@ -118,7 +118,7 @@ def _cross_cells(
     first_j: int,
     heights: Matrix,
 ) -> float:
-    """Return where a ray crosses the ground of one tile, which it is in from enter to leave."""
+    """Return the distance to the ground of a tile, which the ray crosses from enter to leave."""
     last_i = min(first_i + TILE, heights.shape[0] - 1) - 1
     last_j = min(first_j + TILE, heights.shape[1] - 1) - 1
     i = min(max(int(u + enter * du), first_i), last_i)
@@ -158,7 +158,7 @@ def _cross_patch(
     h01: float,
     h11: float,
 ) -> float:
-    """Return where ``z + dz t`` crosses ``h00 + b u + c v + d u v`` for t in [0, length]."""
+    """Return the t in [0, length] at which ``z + dz t`` is ``h00 + b u + c v + d u v``."""
     b, c, d = h10 - h00, h01 - h00, h00 - h10 - h01 + h11
     constant = z - (h00 + b * u + c * v + d * u * v)
     linear = dz - (b * du + c * dv + d * (u * dv + v * du))
@@ -166,7 +166,7 @@ def _cross_patch(
     best = np.inf
     root = linear * linear - 4.0 * square * constant
     if root >= 0.0:
-        # Both roots without taking the difference of nearly equal numbers.
+        # Both roots without cancellation.
         q = -0.5 * (linear + math.copysign(math.sqrt(root), linear))
         far = q / square if square != 0.0 else np.inf
         near = constant / q if q != 0.0 else far

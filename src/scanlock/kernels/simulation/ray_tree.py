@@ -1,4 +1,4 @@
-"""A tree of boxes over boxes, so that a ray meets few surfaces instead of all."""
+"""Bounding volume hierarchy, so that a ray is tested against few surfaces instead of all."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ def box_tree(bounds: Matrix) -> tuple[Labels, Matrix, Labels, Labels]:
     A box is (low x, y, z, high x, y, z) [m]. Nodes are in preorder: the left child of node k is
     k + 1. A leaf has a positive count, and its boxes are ``order[link : link + count]``; an
     inner node has count 0, and its link is its right child. Splits follow the surface-area
-    heuristic over 16 bins an axis (Wald 2007, "On fast construction of SAH-based bounding
+    heuristic over 16 bins per axis (Wald 2007, "On fast construction of SAH-based bounding
     volume hierarchies").
     """
     n = bounds.shape[0]
@@ -25,19 +25,19 @@ def box_tree(bounds: Matrix) -> tuple[Labels, Matrix, Labels, Labels]:
     node_bounds = np.empty((max(2 * n - 1, 0), 6))
     link = np.zeros(node_bounds.shape[0], np.int64)
     count = np.zeros(node_bounds.shape[0], np.int64)
-    # Each entry is a range of `order` and the node that waits for it as its right child.
+    # Each entry is a range of `order`, and the parent if the range is its right child.
     begins = np.empty(n + 1, np.int64)
     ends = np.empty(n + 1, np.int64)
-    waiting = np.empty(n + 1, np.int64)
+    parents = np.empty(n + 1, np.int64)
     depth = 0
     if n > 0:
-        begins[0], ends[0], waiting[0] = 0, n, -1
+        begins[0], ends[0], parents[0] = 0, n, -1
         depth = 1
     nodes = 0
     centres = np.empty(6)
     while depth > 0:
         depth -= 1
-        begin, end, parent = begins[depth], ends[depth], waiting[depth]
+        begin, end, parent = begins[depth], ends[depth], parents[depth]
         node = nodes
         nodes += 1
         if parent >= 0:
@@ -56,10 +56,10 @@ def box_tree(bounds: Matrix) -> tuple[Labels, Matrix, Labels, Labels]:
                 order[cut] = box
                 cut += 1
         if cut in (begin, end):
-            # All centres coincide, so any halves are as good as any others.
+            # All centres coincide: any halves will do.
             cut = (begin + end) // 2
-        begins[depth], ends[depth], waiting[depth] = cut, end, node
-        begins[depth + 1], ends[depth + 1], waiting[depth + 1] = begin, cut, -1
+        begins[depth], ends[depth], parents[depth] = cut, end, node
+        begins[depth + 1], ends[depth + 1], parents[depth + 1] = begin, cut, -1
         depth += 2
     return order, node_bounds[:nodes].copy(), link[:nodes].copy(), count[:nodes].copy()
 
@@ -68,7 +68,7 @@ def box_tree(bounds: Matrix) -> tuple[Labels, Matrix, Labels, Labels]:
 def _enclose(
     bounds: Matrix, order: Labels, begin: int, end: int, box: Vector, centres: Vector
 ) -> None:
-    """Write the box around boxes, and the box around their doubled centres."""
+    """Write the bounding box of boxes, and the bounding box of their doubled centres."""
     for a in range(3):
         box[a] = np.inf
         box[a + 3] = -np.inf
@@ -88,7 +88,7 @@ def _enclose(
 def _best_split(
     bounds: Matrix, order: Labels, begin: int, end: int, centres: Vector
 ) -> tuple[int, float]:
-    """Return the axis and the doubled centre below which boxes go left, at least cost."""
+    """Return axis and doubled centre of the split of minimum cost; boxes below it go left."""
     best_axis, best_middle, best_cost = 0, -np.inf, np.inf
     counts = np.empty(_BINS, np.int64)
     boxes = np.empty((_BINS, 6))

@@ -48,6 +48,23 @@ class PointsToCells:
 
     The value is minus the mean over the points of the sum of ``rho`` over the associated cells.
     It jumps where a point changes its cells, and is twice differentiable in between.
+
+    Attributes
+    ----------
+    target : VoxelGaussians
+        Gaussians of the cells, in the target's frame [m].
+    points : (n, 3) [m]
+        Points of the source, in its frame.
+    association : str
+        Cells that a point is compared with; see `CellAssociation`.
+    shape : ScoreShape
+    curvature : str
+        Exact Hessian, or its convex part.
+
+    Raises
+    ------
+    InvalidInput
+        An unknown association.
     """
 
     target: VoxelGaussians

@@ -105,7 +105,7 @@ class DistributionPairs:
         return Quadratic.from_terms(terms)
 
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
-        """Return what each block of correspondences adds to gradient and Hessian at `pose`."""
+        """Return the gradient and Hessian of each block of correspondences at `pose`."""
         arrays = self.precisions, self.target_rows, self.source_rows
         return contributions_of_rows(blocks, arrays, partial(self._terms, pose))
 

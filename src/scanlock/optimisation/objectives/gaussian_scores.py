@@ -76,7 +76,7 @@ class ScoreShape:
         width : float [m]
             Side of the cells.
         outlier_ratio : float
-            Share of the outliers, above 0 and below 1; 0.55 in the Point Cloud Library.
+            Ratio of the outliers, above 0 and below 1; 0.55 in the Point Cloud Library.
         """
         require_positive("width", width, unit="m")
         if not 0.0 < outlier_ratio < 1.0:
@@ -104,6 +104,18 @@ class GaussiansToGaussians:
     The value is minus the sum over all pairs of ``w_i w_j rho``. The weights of either side are
     the counts to the power `weight_power`, scaled to unit length. The value is symmetric under
     exchange of the scans, unless `candidates` are chosen for the source.
+
+    Attributes
+    ----------
+    target, source : Gaussians
+        Each in the frame of its scan [m].
+    shape : ScoreShape
+    weight_power : float
+        Power of the counts in the weights; 0 for equal weights.
+    curvature : str
+        Exact Hessian, or its convex part.
+    candidates : Association or None
+        Association rule that chooses the pairs; None for all pairs.
     """
 
     target: Gaussians
@@ -112,7 +124,6 @@ class GaussiansToGaussians:
     weight_power: float = 0.5
     curvature: Curvature = "exact"
     candidates: Association | None = None
-    """Association rule that chooses the pairs; None for all pairs."""
 
     @property
     def count(self) -> int:
@@ -138,7 +149,7 @@ class GaussiansToGaussians:
         return self.source.means
 
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
-        """Return what each block of source Gaussians adds to gradient and Hessian at `pose`."""
+        """Return the gradient and Hessian of each block of source Gaussians at `pose`."""
         order, runs = rows_by_block(blocks)
         ordered = replace(self, source=self.source.taken(order))
         if self.candidates is not None:
@@ -191,6 +202,16 @@ class PointsToGaussians:
 
     The value is minus the mean over the points of the sum over the Gaussians of ``rho``, the
     cost Lambda of the paper divided by the number of points.
+
+    Attributes
+    ----------
+    target : Gaussians
+        In the target's frame [m].
+    points : (n, 3) [m]
+        Points of the source, in its frame.
+    shape : ScoreShape
+    curvature : str
+        Exact Hessian, or its convex part.
     """
 
     target: Gaussians

@@ -1,6 +1,6 @@
 """Neighbour lists: the pairs of Gaussians that can score at a pose and at all poses near it.
 
-A pair is out of range when the distance of its means exceeds what the window allows for the
+A pair is out of range when the distance of its means exceeds the end of the window for the
 largest variances of either Gaussian, which no rotation changes. Lists with a margin stay valid
 until a source has moved by the margin (Verlet 1967). Most steps of a solver therefore need no new
 lists, and the value is still that of all pairs.
@@ -88,7 +88,7 @@ class NeighbourSearch:
     def margins(self) -> Vector:
         """Margin of each source in the squared cut-off distance (m,) [m^2]."""
         slacks = self.max_shift + self.max_turn * self._arms
-        # For any share e, (sqrt(a) + slack)^2 <= (1 + e) a + (1 + 1 / e) slack^2.
+        # For any e > 0, (sqrt(a) + slack)^2 <= (1 + e) a + (1 + 1 / e) slack^2.
         return read_only((1.0 + 1.0 / _SLACK) * slacks**2)
 
     @cached_property
@@ -174,10 +174,10 @@ class NeighbourLists:
         return read_only(np.arange(len(ends) - 1)), read_only(ends), read_only(members)
 
 
-def _quantile(values: Vector, share: float) -> float:
-    """Return the smallest value that is not below a share of all values; 0 of no values."""
+def _quantile(values: Vector, fraction: float) -> float:
+    """Return the smallest value that is not below a fraction of all values; 0 of no values."""
     if len(values) == 0:
         return 0.0
     # NumPy's own takes longer than all the rest of a small grid.
-    position = math.ceil(share * (len(values) - 1))
+    position = math.ceil(fraction * (len(values) - 1))
     return float(np.partition(values, position)[position])

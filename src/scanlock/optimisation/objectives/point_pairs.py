@@ -69,7 +69,7 @@ class PointPairs:
         return Quadratic.from_terms(terms)
 
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
-        """Return what each block of correspondences adds to gradient and Hessian at `pose`."""
+        """Return the gradient and Hessian of each block of correspondences at `pose`."""
         arrays = self.precisions, self.target_rows, self.source_rows
         return contributions_of_rows(blocks, arrays, partial(self._terms, pose))
 
@@ -95,6 +95,11 @@ def point_precisions(weights: Vector) -> Matrix:
     Parameters
     ----------
     weights : (m,) [1/m^2]
+
+    Returns
+    -------
+    (m, 6) [1/m^2]
+        Packed upper triangles xx, xy, xz, yy, yz, zz.
     """
     return weights[:, None] * np.eye(3)[_ROWS, _COLUMNS]
 
@@ -107,6 +112,11 @@ def plane_precisions(normals: Points, weights: Vector) -> Matrix:
     normals : (m, 3)
         Unit normals of either sign, in the target's frame.
     weights : (m,) [1/m^2]
+
+    Returns
+    -------
+    (m, 6) [1/m^2]
+        Packed upper triangles xx, xy, xz, yy, yz, zz.
     """
     return np.ascontiguousarray(weights[:, None] * normals[:, _ROWS] * normals[:, _COLUMNS])
 

@@ -1,4 +1,8 @@
-"""Solvers over poses; they know objectives by a protocol, and no point clouds."""
+"""Solvers over poses, with their stopping criteria and line searches.
+
+Solvers know an objective by the protocol in `problem` only, and no point clouds. Objectives are in
+`scanlock.optimisation.objectives`.
+"""
 
 from scanlock._lazy import attach
 

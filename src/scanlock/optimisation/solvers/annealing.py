@@ -26,7 +26,7 @@ _MIN_SIZE = 0.1
 Near a good pose small steps succeed, even while large ones are still allowed."""
 
 _BLOCKS = np.array([[1, 1, 0, 0, 0, 1], [0, 0, 1, 1, 1, 0], [1, 1, 1, 1, 1, 1]], np.float64)
-"""Components of a step that are proposed in turn: x, y and yaw; z, roll and pitch; all."""
+"""Components of a step that are proposed alternately: x, y and yaw; z, roll and pitch; all."""
 
 _ROTATION_SCALE = 20.0
 """Distance at which a rotation counts as a translation [m]; about the range of a scan."""
@@ -127,19 +127,19 @@ class Annealing:
         samples = [
             energy(start.retract(rng.normal(0.0, deviations))) for _ in range(_INITIAL_SAMPLES)
         ]
-        first_temperature, share = _HEAT * float(np.std(samples)), 1.0
+        first_temperature, cooled = _HEAT * float(np.std(samples)), 1.0
         accepted = [here]
         for step in range(self.steps):
-            size = share * _MIN_SIZE ** rng.random()
+            size = cooled * _MIN_SIZE ** rng.random()
             pose = here.pose.retract(
                 size * _BLOCKS[step % len(_BLOCKS)] * rng.normal(0.0, deviations)
             )
             tried = Minimum(pose, energy(pose))
-            rise, temperature = tried.energy - here.energy, share * first_temperature
+            rise, temperature = tried.energy - here.energy, cooled * first_temperature
             if rise <= 0.0 or (temperature > 0.0 and rng.random() < math.exp(-rise / temperature)):
                 here = tried
                 accepted.append(here)
-            share *= self.cooling
+            cooled *= self.cooling
         return accepted
 
     def _distinct(self, visited: list[Minimum]) -> tuple[Minimum, ...]:

@@ -20,6 +20,11 @@ def gauss_newton_step(quadratic: Quadratic, rotation_scale: float) -> Vector:
         Quadratic with the convex part of the Hessian.
     rotation_scale : float [m]
         Distance at which a rotation counts as a translation when curvatures are compared.
+
+    Returns
+    -------
+    (6,)
+        Translation [m] first, then rotation [rad].
     """
     scale = scale_vector(rotation_scale)
     curvatures, axes = np.linalg.eigh(quadratic.hessian / np.outer(scale, scale))

@@ -73,7 +73,7 @@ class Damping:
         curvatures, axes = np.linalg.eigh(hessian)
         curvatures = np.maximum(curvatures, 0.0)
         # A minimum proportional to the gradient bounds the step along axes without curvature.
-        # Along those whose gradient is rounding the step stays small.
+        # Along axes with a gradient of rounding errors only, the step stays small.
         minimum = norm(gradient) / self._settings.max_step
         damped = np.maximum(curvatures + self._damping * float(curvatures.mean()), minimum)
         return axes @ (-(axes.T @ gradient) / damped)

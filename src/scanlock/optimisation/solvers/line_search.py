@@ -56,7 +56,7 @@ class Armijo:
     """Backtracking until the decrease is sufficient: Nocedal & Wright 2006, algorithm 3.1."""
 
     decrease: float = 1e-4
-    """Sufficient decrease, as a share of the decrease by the first slope."""
+    """Sufficient decrease, as a fraction of the decrease by the first slope."""
 
     max_trials: int = 30
     """Maximum number of lengths to try."""
@@ -86,10 +86,10 @@ class StrongWolfe:
     """Bracket and zoom to the strong Wolfe conditions: Nocedal & Wright 2006, 3.5 and 3.6."""
 
     decrease: float = 1e-4
-    """Sufficient decrease, as a share of the decrease by the first slope; c1 in the book."""
+    """Sufficient decrease, as a fraction of the decrease by the first slope; c1 in the book."""
 
     flatness: float = 0.9
-    """Maximum absolute slope, as a share of the first one; c2 in the book."""
+    """Maximum absolute slope, as a fraction of the first one; c2 in the book."""
 
     max_trials: int = 30
     """Maximum number of lengths to try."""
@@ -146,7 +146,7 @@ def sufficient_value(start: LinePoint, length: float, decrease: float) -> float:
 
 
 def is_flat(start: LinePoint, here: LinePoint, flatness: float) -> bool:
-    """Return whether the slope has fallen to a share of the one at the start."""
+    """Return whether the slope has fallen to a fraction of the one at the start."""
     return abs(here.slope) <= flatness * abs(start.slope)
 
 

@@ -20,8 +20,8 @@ from scanlock.optimisation.solvers.line_search import (
 )
 
 _SHRINK = 0.66
-"""Maximum width of an interval over its width two steps before; also the maximum way of a trial
-towards the other end of the interval."""
+"""Maximum width of an interval over its width two steps before; also the maximum length of a
+trial step towards the other end of the interval."""
 
 _STRIDE = (1.1, 4.0)
 """Range of the next step beyond a point over the step that led there, without an interval."""
@@ -35,10 +35,10 @@ class MoreThuente:
     """Settings of the line search."""
 
     decrease: float = 1e-4
-    """Sufficient decrease, as a share of the decrease by the first slope; mu in the paper."""
+    """Sufficient decrease, as a fraction of the decrease by the first slope; mu in the paper."""
 
     flatness: float = 0.9
-    """Maximum absolute slope, as a share of the first one; eta in the paper."""
+    """Maximum absolute slope, as a fraction of the first one; eta in the paper."""
 
     max_trials: int = 30
     """Maximum number of lengths to try."""
@@ -155,5 +155,5 @@ def _falling_inside(best: LinePoint, other: LinePoint, tried: LinePoint) -> floa
 
 def _secant(one: LinePoint, other: LinePoint) -> float:
     """Return the length of zero slope by linear interpolation."""
-    share = other.slope / (other.slope - one.slope)
-    return other.length - share * (other.length - one.length)
+    ratio = other.slope / (other.slope - one.slope)
+    return other.length - ratio * (other.length - one.length)

@@ -16,8 +16,18 @@ Stage = tuple[Solver, Objective]
 def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
     """Return the solution of the last non-empty stage, with the history of all stages.
 
-    The start is returned unchanged if the objectives of all stages are empty. At least one stage
-    is needed.
+    The start is returned unchanged if the objectives of all stages are empty.
+
+    Parameters
+    ----------
+    stages : iterable of Stage
+        At least one, coarse to fine.
+    start : Pose
+        Initial pose of the first stage.
+
+    Returns
+    -------
+    Solution
     """
     history = list[Iteration]()
     pose, best = start, None

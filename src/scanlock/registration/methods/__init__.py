@@ -25,4 +25,7 @@ ICP
     - `transform_estimation`: the pose of given correspondences; steps 2 and 3 of the paper.
 Generalised ICP
     `gicp`: `Gicp` (Segal, Haehnel and Thrun 2009); by voxels (Koide et al. 2021).
+
+Global searches belong to `scanlock.registration.search`, objectives and solvers to
+`scanlock.optimisation`, and the test of the final pose to `scanlock.registration.verification`.
 """

@@ -73,8 +73,8 @@ class Auto(Method[AutoData]):
     violations select the hypotheses to refine."""
 
     matcher: ClusterMatcher | None = field(default_factory=ClusterMatcher)
-    """Cluster matching for any tilt, used without a ground and in the fallback; None disables
-    it."""
+    """Cluster matching for any roll and pitch, used without a ground and in the fallback; None
+    disables it."""
 
     initial_method: SgcNdt = field(default_factory=SgcNdt)
     """Refinement of an initial pose; its basin is 10 m and 60 degrees."""
@@ -198,7 +198,7 @@ class Auto(Method[AutoData]):
         hypotheses = hypotheses[:_MAX_FALLBACK_HYPOTHESES]
         if pair.both_have_level_grids:
             hypotheses += self._match_clusters(pair)
-            # The ground may be a wall: match at any tilt too.
+            # The ground may be a wall: match at any roll and pitch too.
             hypotheses += self._match_clusters(pair, any_tilt=True)
         return hypotheses
 

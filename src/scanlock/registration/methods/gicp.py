@@ -200,7 +200,7 @@ class Gicp(Method[SurfaceScan]):
         constraints: Constraints,
         tolerance: float,
     ) -> Solution:
-        """Update correspondences and pose in turn, Algorithm 1 of Segal et al., to convergence."""
+        """Alternate correspondences and pose, Algorithm 1 of Segal et al., to convergence."""
         pose, history, reason = start, list[Iteration](), StopReason.ITERATION_LIMIT
         quadratic, note = Quadratic(0.0, np.zeros(6), np.zeros((6, 6))), ""
         objective: Objective | None = None

@@ -25,7 +25,7 @@ HYPOTHESIS_SCALES = (
 
 More smoothing would pull scans with little overlap towards a common centre. The small weight power
 limits the weight of near objects, which have many points and may move with the sensor: the person
-who carries it, or the vehicle.
+that carries it, or the vehicle.
 """
 
 
@@ -143,7 +143,7 @@ class MultiStart:
             if one.solution.reason is not StopReason.EMPTY_OBJECTIVE
         ]
         scored.sort(key=lambda pair: pair[0], reverse=True)
-        # A distant prior can make all scores negative; the best is kept all the same.
+        # A distant prior can make all scores negative; the best is kept nevertheless.
         good = [
             one
             for rank, (score, one) in enumerate(scored)

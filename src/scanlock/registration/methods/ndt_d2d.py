@@ -89,7 +89,7 @@ class NdtD2d(Method[GaussianScan]):
         """Return the settings of the code published with Stoyanov et al. 2012.
 
         Cells of 2, 1 and 0.5 m, Gaussians up to two cells away, a sharpness of 0.05, a step
-        tolerance of 1 mm and at most 30 iterations at each size. The line search is not theirs.
+        tolerance of 1 mm and at most 30 iterations at each size. The line search is ours.
         """
         return cls(
             cell_sizes=(2.0, 1.0, 0.5),

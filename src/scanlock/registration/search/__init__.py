@@ -13,5 +13,8 @@
     `ClusterFeatures`: extents, axes and heights of clusters.
 `cluster_matching`
     `ClusterMatcher`: hypotheses from cliques of consistent cluster matches, for scans without a
-    ground or with any tilt (proposed by Das et al. 2013; similar to G3Reg, Qiao et al. 2023).
+    ground or with any roll and pitch (proposed by Das et al. 2013; similar to G3Reg, Qiao et al.
+    2023).
+
+The refinement of hypotheses belongs to `scanlock.registration.methods.multi_start`.
 """

@@ -20,7 +20,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.search.rotated_grids import turned_maps
+from scanlock.kernels.search.rotated_grids import rotated_grids
 from scanlock.registration.search.bev_grid import BevGrid, BevProjector
 from scanlock.registration.search.ground_alignment import align_grounds
 from scanlock.registration.search.hypothesis import Hypothesis
@@ -136,7 +136,7 @@ class BevSearch:
 
     def _spectra(self, grid: BevGrid, headings: Vector, cell_size: float) -> _Spectra:
         """Return the whitened spectra of a BEV grid rotated to each heading."""
-        rotated = turned_maps(
+        rotated = rotated_grids(
             *_cells_within(grid, cell_size * _RADIUS_CELLS),
             self.free_cell_weight,
             read_only(headings),

@@ -9,7 +9,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.search.bev_grid import column_slots, columns_and_ground
+from scanlock.kernels.search.bev_grid import cells_and_ground, occupied_height_bins
 from scanlock.segmentation.ground.finder import Ground, GroundStatus
 from scanlock.segmentation.segmentation import is_obstacle
 
@@ -104,7 +104,7 @@ class BevProjector:
         level_from_scan = level_pose(cloud, ground)
         ground_cell_size = _CELLS_PER_GROUND_CELL * self.cell_size
         half_side = max(1, round(self.max_range / ground_cell_size)) * _CELLS_PER_GROUND_CELL
-        filled, ground_sums = column_slots(
+        occupied_bins, ground_sums = occupied_height_bins(
             cloud.points,
             ground.height,
             read_only(is_obstacle(cloud, ground)),
@@ -115,8 +115,8 @@ class BevProjector:
             self.bin_height,
             self.height_bins,
         )
-        occupied_cells, bin_counts, free_cells, ground_heights = columns_and_ground(
-            read_only(filled), read_only(ground_sums), self.cell_size, _CELLS_PER_GROUND_CELL
+        occupied_cells, bin_counts, free_cells, ground_heights = cells_and_ground(
+            read_only(occupied_bins), read_only(ground_sums), self.cell_size, _CELLS_PER_GROUND_CELL
         )
         return BevGrid(
             level_from_scan=level_from_scan,

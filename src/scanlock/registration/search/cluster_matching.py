@@ -22,7 +22,7 @@ from scanlock.errors import (
 )
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments
-from scanlock.kernels.search.cliques import grown_sets, shared_neighbours
+from scanlock.kernels.search.cliques import greedy_cliques, shared_neighbours
 from scanlock.kernels.search.compatibility import (
     free_compatibility,
     level_compatibility,
@@ -234,7 +234,7 @@ class ClusterMatcher:
         for graph in self._compatibility_graphs(target, source, matches, is_level):
             edges, shared = shared_neighbours(read_only(graph))
             order = np.argsort(-shared, kind="stable")
-            grown = grown_sets(
+            grown = greedy_cliques(
                 read_only(graph), read_only(edges[order]), self.max_cliques, _MAX_CLIQUE_SIZE
             )
             cliques += [row[row >= 0] for row in grown]

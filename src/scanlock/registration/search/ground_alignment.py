@@ -11,7 +11,7 @@ import numpy as np
 from scanlock.arrays import Matrix, Vector, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.search.ground_overlap import ground_gaps, plane_sums
+from scanlock.kernels.search.ground_overlap import ground_differences, plane_sums
 from scanlock.registration.search.bev_grid import BevGrid
 
 _MIN_CELLS = 12
@@ -26,7 +26,7 @@ _RESIDUAL_SCALE = 0.3
 different ground."""
 
 _MAX_ITERATIONS = 6
-"""Maximum number of reweighted least-squares steps; a tilt of 15 degrees takes three."""
+"""Maximum number of reweighted least-squares steps; 15 degrees of roll and pitch take three."""
 
 _STEP_TOLERANCE = 1e-3
 """Step in height [m] and slope [1] at convergence; the refinement does the rest."""
@@ -43,7 +43,7 @@ def align_grounds(target: BevGrid, source: BevGrid, pose: Pose) -> Pose:
     level = target.level_from_scan @ pose @ source.level_from_scan.inverse()
     target_ground, source_ground = (read_only(grid.ground_heights) for grid in (target, source))
     for iteration in range(_MAX_ITERATIONS):
-        differences = ground_gaps(
+        differences = ground_differences(
             target_ground,
             target.ground_cell_size,
             source_ground,
@@ -65,7 +65,7 @@ def align_grounds(target: BevGrid, source: BevGrid, pose: Pose) -> Pose:
 
 
 def _fit_plane(differences: Matrix, scale: float) -> tuple[float, Vector] | None:
-    """Fit a plane to the height differences of `ground_gaps`.
+    """Fit a plane to the height differences of `ground_differences`.
 
     Returns its height at the axis [m] and its (2,) slopes; None if they are not constrained.
     """

@@ -1,5 +1,5 @@
 """TOML text and files of method settings.
 
-The settings themselves are the dataclasses of `scanlock.registration.methods` and below; this
-folder only converts them, for any class whose fields have annotations that TOML can hold.
+This folder converts any dataclass whose fields have annotations that TOML can hold. The settings
+themselves belong to `scanlock.registration.methods` and the packages below.
 """

@@ -5,4 +5,6 @@
    roll and pitch, and a minimum.
 2. `sandwich`: the covariance of a minimum by a jackknife over the blocks.
 3. `pose_covariance`: the result `PoseCovariance`, with its order, frame and units.
+
+The probability that a pose is correct belongs to `scanlock.registration.verification`.
 """

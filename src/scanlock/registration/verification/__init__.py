@@ -13,4 +13,6 @@ order; `assessment` runs 2 to 5:
 5. `metrics`: every number of the result, defined once.
 6. `probability`: a logistic model of six of these numbers.
 7. `decision`: the `status` and the sentence that explains it.
+
+Covariances of a pose belong to `scanlock.registration.uncertainty`.
 """

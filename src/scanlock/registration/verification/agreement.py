@@ -46,5 +46,5 @@ def free_space_violation(
     if not ratios:
         return math.nan
     known = [ratio for ratio in ratios if not math.isnan(ratio)]
-    # Gaussians out of view are no evidence for the pose either.
+    # Gaussians out of view do not support the pose either.
     return sum(known) / len(known) if known else MAX_FREE_SPACE_VIOLATION

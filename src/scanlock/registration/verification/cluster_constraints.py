@@ -80,9 +80,9 @@ def cluster_constraints(gaussians: Gaussians) -> ClusterConstraints:
     identities = np.broadcast_to(np.eye(3), (len(gaussians), 3, 3))
     max_information = _total_information(gaussians.means, identities, weights)
     # Powers of a matrix share its axes, so no eigendecomposition is needed.
-    thinness = identities - gaussians.covariances / gaussians.max_variances[:, None, None]
+    relative = identities - gaussians.covariances / gaussians.max_variances[:, None, None]
     information = _total_information(
-        gaussians.means, np.linalg.matrix_power(thinness, _POWER), weights
+        gaussians.means, np.linalg.matrix_power(relative, _POWER), weights
     )
     largest = float(np.linalg.eigvalsh(information[:3, :3])[2])
     return ClusterConstraints(

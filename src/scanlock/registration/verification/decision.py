@@ -73,9 +73,9 @@ def decide_status(
             "auto or gicp"
         )
     if assessment.degenerate or probability < MIN_PROBABILITY:
-        verdict = "is likely wrong" if probability < 0.5 else "may be wrong"
+        outcome = "is likely wrong" if probability < 0.5 else "may be wrong"
         return Status.UNVERIFIED, (
-            f"{facts}: the pose {verdict}, its probability is {probability:.2f}; use a better "
+            f"{facts}: the pose {outcome}, its probability is {probability:.2f}; use a better "
             "initial pose, or scans closer together"
         )
     if (

@@ -42,8 +42,7 @@ class RangeImage:
         """Return the weighted fraction of (n, 3) points [m] in the free space of the scan.
 
         Only visible points count: those in a cell with a range, and not occluded. Occluded
-        points are no evidence and would dilute the fraction. NaN with fewer than `min_points`
-        visible points.
+        points would dilute the fraction. NaN with fewer than `min_points` visible points.
         """
         settings = self.settings
         count, visible, violating = free_space_violation(

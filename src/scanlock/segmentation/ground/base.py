@@ -37,7 +37,7 @@ _ENVELOPE_THRESHOLD = 0.25
 """Height above the lower envelope below which a prototype may be ground [m]."""
 
 _MIN_ENVELOPE_SUPPORT, _ENVELOPE_SLACK = 3, 0.1
-"""A prototype shapes the envelope if so many prototypes around it are about as low.
+"""Minimum number of prototypes about as low around a prototype that shapes the envelope.
 
 As low means within `_ENVELOPE_SLACK` [m] plus half of the largest slope.
 """

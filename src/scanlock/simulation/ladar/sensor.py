@@ -70,11 +70,11 @@ class FacetLadar:
     grazing: float = 0.25
     """Exponent of the cosine of incidence in the detection range."""
     fading: float = 0.2
-    """Half width of the interval in which detection fades, as a share of the detection range."""
+    """Half width of the interval in which detection fades, as a fraction of the detection range."""
     dropout: float = 0.02
-    """Share of pulses lost independent of the surface."""
+    """Ratio of pulses lost independent of the surface."""
     plant_loss: float = 0.12
-    """Share of pulses lost on leaves and grass, which cover only part of a beam."""
+    """Ratio of pulses lost on leaves and grass, which cover only part of a beam."""
     facet_loss: float = 0.02
     """Probability that a facet of a frame is empty."""
 
@@ -163,11 +163,11 @@ class FacetLadar:
         -------
         (n,)
         """
-        share = np.asarray(distances) / (
+        relative_range = np.asarray(distances) / (
             self.max_range * np.maximum(cosines, _MIN_COSINE) ** self.grazing
         )
         fading = max(self.fading, _MIN_COSINE)
-        probability = 1.0 - smoothstep(share, 1.0 - fading, 1.0 + fading)
+        probability = 1.0 - smoothstep(relative_range, 1.0 - fading, 1.0 + fading)
         in_range = (distances >= self.min_range) & (distances <= self.max_range)
         return np.where(in_range, probability * (1.0 - self.dropout), 0.0)
 

@@ -111,6 +111,10 @@ def ladar_run(
     look : TiltSweep
         Motion of the platform.
 
+    Returns
+    -------
+    LadarSequence
+
     Raises
     ------
     InvalidInput

@@ -17,7 +17,7 @@ _FOOT = 1.5
 """Depth of walls below the ground [m], for slopes."""
 
 _GLASS = 0.5
-"""Share of pulses that a window does not return."""
+"""Ratio of pulses that a window does not return."""
 
 _Span = tuple[float, float, float, float, float, float]
 """Low and high x, low and high y, low and high z of an axis-aligned block [m]."""

@@ -155,8 +155,8 @@ def gazebo(rng: np.random.Generator) -> Surfaces:
         )
         for z in (0.35, 1.05)
     ]  # fmt: skip
-    share = np.linspace(0.0, 1.0, 12)[1:-1]
-    pickets = (low[:, None] + share[:, None] * (high - low)[:, None]).reshape(-1, 2)
+    fractions = np.linspace(0.0, 1.0, 12)[1:-1]
+    pickets = (low[:, None] + fractions[:, None] * (high - low)[:, None]).reshape(-1, 2)
     balusters = cones(
         np.column_stack([pickets, np.full(len(pickets), 0.18)]),
         np.column_stack([pickets, np.full(len(pickets), 1.05)]),

@@ -1,7 +1,7 @@
 """Boxes, cones, ellipsoids, discs and triangles, of which simulated objects consist.
 
 All functions take lengths in metres with one row per shape, and broadcast single values. `loss` is
-the share of pulses that a shape does not return, as for a window. The object number of the new
+the ratio of pulses that a shape does not return, as for a window. The object number of the new
 surfaces is 0; see `Surfaces.as_object`.
 
 All functions raise `InvalidInput` for sizes that are not positive, coordinates that are not finite,
@@ -35,7 +35,12 @@ def boxes(
     rotations : (n, 3, 3), optional
         Rotations from the axes of each box to those of its surroundings.
     loss : float
-        Share of pulses that are not returned.
+        Ratio of pulses that are not returned.
+
+    Returns
+    -------
+    Surfaces
+        One surface per row.
     """
     _require_positive("half_sizes", half_sizes)
     return _surfaces(BOX, centres, half_sizes, label, rotations, loss)
@@ -56,6 +61,11 @@ def ellipsoids(
     centres, half_axes : (n, 3) [m]
     label, rotations, loss
         As for `boxes`.
+
+    Returns
+    -------
+    Surfaces
+        One surface per row.
     """
     _require_positive("half_axes", half_axes)
     return _surfaces(ELLIPSOID, centres, half_axes, label, rotations, loss)
@@ -80,6 +90,11 @@ def cones(
         One of the two may be zero.
     label, loss
         As for `boxes`.
+
+    Returns
+    -------
+    Surfaces
+        One surface per row.
     """
     bottoms = np.atleast_2d(np.asarray(bottoms, np.float64))
     axes = np.atleast_2d(np.asarray(tops, np.float64)) - bottoms
@@ -118,6 +133,11 @@ def discs(
         Radii of discs, or half axes of ellipses.
     label, loss
         As for `boxes`.
+
+    Returns
+    -------
+    Surfaces
+        One surface per row.
     """
     normals = np.atleast_2d(np.asarray(normals, np.float64))
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -138,6 +158,11 @@ def triangles(corners: ArrayLike, label: SurfaceClass, *, loss: float = 0.0) -> 
         Three corners in rows, not collinear.
     label, loss
         As for `boxes`.
+
+    Returns
+    -------
+    Surfaces
+        One surface per row.
     """
     corners = np.asarray(corners, np.float64).reshape(-1, 3, 3)
     first = corners[:, 1] - corners[:, 0]

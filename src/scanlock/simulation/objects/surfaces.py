@@ -16,7 +16,7 @@ COLUMNS = 15
 """Number of parameters of a surface: centre, rotation and sizes."""
 
 _BOUNDS_MARGIN = 1e-6
-"""Margin of bounding boxes [m], so that flat surfaces are inside theirs despite rounding."""
+"""Margin of bounding boxes [m], so that rounding leaves no flat surface outside its box."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class Surfaces:
     objects : (n,)
         Object number of each surface.
     losses : (n,)
-        Share of pulses that a surface does not return, as glass and black paint.
+        Ratio of pulses that a surface does not return, as glass and black paint.
 
     Raises
     ------

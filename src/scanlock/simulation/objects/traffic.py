@@ -8,7 +8,7 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
 _BODIES = {
-    # Length, width, height and bonnet height [m]; start and end of the cabin, as shares of the
+    # Length, width, height and bonnet height [m]; start and end of the cabin, as fractions of the
     # length from the rear.
     "hatchback": (3.9, 1.70, 1.48, 0.90, 0.02, 0.72),
     "saloon": (4.6, 1.80, 1.45, 0.92, 0.16, 0.72),
@@ -16,14 +16,14 @@ _BODIES = {
     "off-roader": (4.6, 1.90, 1.75, 1.05, 0.02, 0.72),
     "van": (5.2, 1.98, 2.10, 1.15, 0.01, 0.86),
 }
-_SHARES = (0.32, 0.24, 0.18, 0.16, 0.10)
+_FREQUENCIES = (0.32, 0.24, 0.18, 0.16, 0.10)
 _GLASS = 0.6
-"""Share of pulses that the window of a car does not return."""
+"""Ratio of pulses that the window of a car does not return."""
 
 
 def car(rng: np.random.Generator) -> Surfaces:
     """Generate a car of a random type: body, cabin, glass, wheels and mirrors."""
-    body = _BODIES[str(rng.choice(list(_BODIES), p=_SHARES))]
+    body = _BODIES[str(rng.choice(list(_BODIES), p=_FREQUENCIES))]
     length, width, height, bonnet = body[:4] * rng.normal(1.0, 0.03, 4)
     paint = float(rng.choice([0.0, 0.05, 0.35], p=[0.6, 0.25, 0.15]))
     rear, front = (np.array(body[4:]) - 0.5) * length

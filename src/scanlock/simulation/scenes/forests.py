@@ -34,6 +34,10 @@ def forest(rng: np.random.Generator) -> Scene:
     ----------
     rng : Generator
         Source of all random choices.
+
+    Returns
+    -------
+    Scene
     """
     path = _path(rng)
     low, high = path.points.min(axis=0) - _MARGIN, path.points.max(axis=0) + _MARGIN
@@ -73,6 +77,10 @@ def forest_walk(
     ----------
     scene, rng, count, spacing, start
         As for `drive_along`; the default spacing is that of 0.1 s at the speed of the robot.
+
+    Returns
+    -------
+    Drive
     """
     return scene.drive(rng, count=count, spacing=spacing, start=start)
 

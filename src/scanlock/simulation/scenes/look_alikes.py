@@ -16,7 +16,7 @@ from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.world import World
 
 _HALF_LENGTH = 300.0
-"""Half length of worlds that stand for endless ones [m]; sensors have a range of 120 m."""
+"""Half length of worlds that represent endless ones [m]; sensors have a range of 120 m."""
 
 
 def open_field() -> World:

@@ -113,11 +113,11 @@ class RoadNetwork:
         middle = 0.5 * (inner + outer)
         others = self.other_kerb_distance(road, 0.5 * (middle[:-1] + middle[1:]))
         own = self.kerb_distance(middle[:-1])
-        kept = np.flatnonzero((others > 0.2) & (own > 0.2))
+        selected = np.flatnonzero((others > 0.2) & (own > 0.2))
         base = self._above_hills(inner, -0.1)
         low, high = self._above_hills(inner, KERB), self._above_hills(outer, KERB)
-        top = _quads(low[:-1], low[1:], high[1:], high[:-1], kept)
-        face = _quads(base[:-1], base[1:], low[1:], low[:-1], kept)
+        top = _quads(low[:-1], low[1:], high[1:], high[:-1], selected)
+        face = _quads(base[:-1], base[1:], low[1:], low[:-1], selected)
         return Surfaces.joined(
             [triangles(top, SurfaceClass.GROUND), triangles(face, SurfaceClass.KERB)]
         )
@@ -136,10 +136,10 @@ def _kerb_distance(roads: list[Road], positions: Matrix) -> Vector:
     return nearest
 
 
-def _quads(a: Points, b: Points, c: Points, d: Points, kept: np.ndarray) -> Points:
+def _quads(a: Points, b: Points, c: Points, d: Points, selected: np.ndarray) -> Points:
     """Return the corners of two triangles for each selected quadrilateral abcd."""
-    first = np.stack([a, b, c], axis=1)[kept]
-    second = np.stack([a, c, d], axis=1)[kept]
+    first = np.stack([a, b, c], axis=1)[selected]
+    second = np.stack([a, c, d], axis=1)[selected]
     return np.concatenate([first, second])
 
 

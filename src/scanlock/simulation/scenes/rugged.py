@@ -48,6 +48,10 @@ def rugged(rng: np.random.Generator) -> Scene:
     ----------
     rng : Generator
         Source of all random choices.
+
+    Returns
+    -------
+    Scene
     """
     track = _track(rng)
     low, high = track.points.min(axis=0) - _MARGIN, track.points.max(axis=0) + _MARGIN
@@ -78,6 +82,10 @@ def rugged_drive(
         As for `drive_along`; the default spacing is that of 0.1 s at 20 km/h.
     speed : float [m/s]
         Speed of the vehicle, which changes times and twists, but not the poses.
+
+    Returns
+    -------
+    Drive
     """
     at_speed = replace(scene, carrier=replace(scene.carrier, speed=speed))
     return at_speed.drive(rng, count=count, spacing=spacing, start=start)

@@ -34,6 +34,10 @@ def street(rng: np.random.Generator, *, traffic_speed: float = CAR.speed) -> Sce
         Source of all random choices.
     traffic_speed : float [m/s]
         Speed of the cars in the lane of the track; oncoming cars are 10 % slower.
+
+    Returns
+    -------
+    Scene
     """
     roads = RoadNetwork(rng, _MARGIN)
     ground = HeightField.sampled(roads.terrain_height, roads.low, roads.high, cell=1.0)
@@ -66,6 +70,10 @@ def street_drive(
     ----------
     scene, rng, count, spacing, start
         As for `drive_along`; the default spacing is that of 0.1 s at the speed of the car.
+
+    Returns
+    -------
+    Drive
     """
     return scene.drive(rng, count=count, spacing=spacing, start=start)
 

@@ -61,8 +61,8 @@ def test_a_folder_with_poses_and_some_of_its_pairs(scanlock, folder, tmp_path):
     assert not (tmp_path / "tables" / "basin.csv").exists()
 
 
-def test_scans_farther_apart(scanlock, folder, tmp_path):
-    scanlock("compare", folder / "drive", "--apart", "3", *FAST[:2], "-o", tmp_path)
+def test_pairs_several_scans_apart(scanlock, folder, tmp_path):
+    scanlock("compare", folder / "drive", "--step", "3", *FAST[:2], "-o", tmp_path)
     [row] = _table(tmp_path / "tables" / "pairs.csv")
     assert (row["target"], row["source"]) == ("scan0", "scan3")
     assert row["translation error [m]"] == ""
@@ -124,7 +124,7 @@ def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
         (["drive", "--truth", "truth.txt"], "--truth is the pose of one pair"),
         (["drive/scan0.npy", "drive/scan1.npy", "--poses", "poses.txt"], "one for each of 2 scans"),
         (["drive", "--methods", "magic"], "magic"),
-        (["drive", "--apart", "0"], "--apart must be a whole number"),
+        (["drive", "--step", "0"], "--step must be a whole number"),
         (["drive", "--metres", "0"], "metres must be positive"),
         (["drive", "--agree", "--distances", "2", "1"], "distances must be strictly ascending"),
     ],

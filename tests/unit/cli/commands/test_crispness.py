@@ -11,9 +11,9 @@ def test_maps_are_compared_by_the_voxels_they_fill(scanlock, tmp_path):
     write_scan(tmp_path / "blurred.ply", np.vstack([grid, grid + np.array([0.0, 0.0, 0.1])]))
     done = scanlock("crispness", tmp_path / "crisp.ply", tmp_path / "blurred.ply", "--json")
     assert [row["voxels"] for row in json.loads(done.out)["maps"]] == [200, 400]
-    wide = scanlock("crispness", tmp_path / "crisp.ply", "--width", "0.5")
+    wide = scanlock("crispness", tmp_path / "crisp.ply", "--voxel-size", "0.5")
     assert wide.out.split()[-4:-1] == ["8", "0.5", "800"]
-    assert scanlock("crispness", tmp_path / "crisp.ply", "--width", "0").code == 1
+    assert scanlock("crispness", tmp_path / "crisp.ply", "--voxel-size", "0").code == 1
 
 
 def test_maps_far_from_zero_are_counted_in_one_grid(scanlock, tmp_path):
@@ -24,10 +24,12 @@ def test_maps_far_from_zero_are_counted_in_one_grid(scanlock, tmp_path):
     more = np.vstack([points, points[:2000] + np.array([60.0, 10.0, 1.0])])
     write_scan(tmp_path / "a.npy", points)
     write_scan(tmp_path / "b.npy", more)
-    done = scanlock("crispness", tmp_path / "a.npy", tmp_path / "b.npy", "--width", "0.7", "--json")
+    done = scanlock(
+        "crispness", tmp_path / "a.npy", tmp_path / "b.npy", "--voxel-size", "0.7", "--json"
+    )
     counts = [row["voxels"] for row in json.loads(done.out)["maps"]]
     origin = np.round(np.median(points[:: max(1, len(points) // 512)], axis=0))
     expected = [len(np.unique(np.floor((m - origin) / 0.7), axis=0)) for m in (points, more)]
     assert counts == expected
-    alone = scanlock("crispness", tmp_path / "b.npy", "--width", "0.7", "--json")
+    alone = scanlock("crispness", tmp_path / "b.npy", "--voxel-size", "0.7", "--json")
     assert json.loads(alone.out)["maps"][0]["voxels"] != counts[1]

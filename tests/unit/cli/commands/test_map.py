@@ -79,8 +79,8 @@ def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_cha
     assert statuses.count(",ok,") == 2
 
 
-def test_a_drive_can_be_stopped_before_the_first_doubtful_scan(scanlock, broken_chain, tmp_path):
-    done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--doubt", "stop")
+def test_a_drive_can_be_stopped_before_the_first_unverified_scan(scanlock, broken_chain, tmp_path):
+    done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--unverified", "stop")
     assert done.code == 2
     assert done.out.startswith("unverified  1 of 2 pairs")
     joined = " ".join(done.out.split())
@@ -145,7 +145,7 @@ def test_without_matplotlib_there_is_no_picture_and_all_else(
         (["--scans", "1"], "--scans must be a whole number of at least 2"),
         (["--every", "0"], "--every"),
         (["--every", "9"], "at least 2 scans, got 1"),
-        (["--width", "0"], "--width must be positive"),
+        (["--voxel-size", "0"], "--voxel-size must be positive"),
     ],
 )
 def test_wrong_numbers_are_one_line(scanlock, drive, tmp_path, options, message):

@@ -52,7 +52,7 @@ def test_each_drive_has_a_pair_with_its_true_motion(terrain):
     assert [(pair.target, pair.source) for pair in pairs] == [frame_names(0, d) for d in DRIVES]
     for drive, pair in zip(DRIVES, pairs, strict=True):
         metres, _ = pair.truth.distance(Pose.identity())
-        way = drive.speed * drive.apart / FacetLadar().rate
+        way = drive.speed * drive.step / FacetLadar().rate
         # Pitching over bumps moves the ladar more than the vehicle.
         assert 0.5 * way <= metres <= 2.0 * way + 1e-4
         assert pairs_of(drive, pairs) == [pair]

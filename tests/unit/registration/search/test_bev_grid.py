@@ -9,8 +9,8 @@ from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.search.bev_grid import column_slots, columns_and_ground
-from scanlock.kernels.search.rotated_grids import turned_maps
+from scanlock.kernels.search.bev_grid import cells_and_ground, occupied_height_bins
+from scanlock.kernels.search.rotated_grids import rotated_grids
 from scanlock.registration.search.bev_grid import BevProjector, level_pose
 from scanlock.segmentation.ground.finder import Ground, GroundFinder, GroundStatus
 
@@ -28,7 +28,7 @@ def test_height_bins_are_those_of_the_definition():
     is_obstacle = ~is_ground & (rng.random(400) < 0.7)
     level = np.column_stack([exp_rotation(np.array([0.1, -0.2, 0.5])), [0.2, -0.1, 1.0]])
     arguments = (points, heights, is_obstacle, is_ground, level)
-    found = column_slots(*(read_only(one) for one in arguments), 8, 0.5, 0.5, 8)
+    found = occupied_height_bins(*(read_only(one) for one in arguments), 8, 0.5, 0.5, 8)
     expected = reference.height_bins(*arguments, 8, 0.5, 0.5, 8)
     counts = [bits.bit_count() for bits in found[0].tolist()]
     np.testing.assert_array_equal(counts, expected[0].ravel())
@@ -52,7 +52,7 @@ def test_occupied_and_free_cells_and_ground_heights_are_those_of_the_definition(
     counts = np.where(np.isnan(ground), 0.0, rng.integers(1, 9, (12, 12)))
     sums = np.column_stack([(np.nan_to_num(ground) * counts).ravel(), counts.ravel()])
     bits = np.array([0, 0b100, 0b1010])[bin_counts.ravel()]
-    found = columns_and_ground(read_only(bits), read_only(sums), 0.5, 4)
+    found = cells_and_ground(read_only(bits), read_only(sums), 0.5, 4)
     expected = reference.occupied_and_free_cells(bin_counts, ground, 0.5)
     for one, other in zip(found[:3], expected, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -67,7 +67,7 @@ def test_rotated_grids_are_those_of_the_definition():
     occupied, free = rng.uniform(-30.0, 30.0, (80, 2)), rng.uniform(-30.0, 30.0, (120, 2))
     occupancy, headings = rng.uniform(0.1, 1.0, 80), np.array([0.0, 1.0, -2.5])
     arguments = (read_only(occupied), read_only(occupancy), read_only(free), 0.2)
-    found = turned_maps(*arguments, read_only(headings), 2.0, 24)
+    found = rotated_grids(*arguments, read_only(headings), 2.0, 24)
     for one, heading in zip(found, headings, strict=True):
         expected = reference.rotated_grid(occupied, occupancy, free, 0.2, heading, 2.0, 24)
         np.testing.assert_array_equal(one, expected)
