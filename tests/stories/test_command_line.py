@@ -88,7 +88,7 @@ def test_scans_of_different_places_exit_with_2_and_a_wrong_file_with_1(demo, tmp
 @pytest.mark.data
 def test_two_scans_of_a_real_drive(scan_data, tmp_path):
     drive = scan_data / "kitti_drive_0005"
-    scans = [drive / f"velodyne_points/data/{number:010d}.bin" for number in (0, 10)]
+    scans = [drive / f"velodyne_points/data/{number:010d}.bin" for number in (10, 0)]
     picture, pose = tmp_path / "pair.png", tmp_path / "pose.txt"
     done = _scanlock("register", *scans, "-o", pose, "--picture", picture)
     assert (done.returncode, done.stderr) == (0, "")

@@ -61,7 +61,7 @@ def _by_small_gicp(kept, start, gate, kind, neighbours=10):
         rotation_epsilon=_SAME_RADIANS,
     )
     # Its flag also falls where rounding alone forbids a last step, so only the count is asked.
-    assert found.evaluations < 499
+    assert found.iterations < 499
     return Pose.from_matrix(found.T_target_source), target.normals()[:, :3]
 
 

@@ -225,7 +225,7 @@ def test_a_registration_has_no_covariance_by_default(scans):
 
 
 def test_identical_scans_have_the_minimum_covariance(scans):
-    covariance = register(scans[1], scans[1], covariance="sandwich").covariance
+    covariance = register(source=scans[1], target=scans[1], covariance="sandwich").covariance
     assert covariance is not None
     assert np.all(covariance.deviations[:3] >= 2.9e-4)
     assert np.linalg.eigvalsh(covariance.matrix)[0] > 0.0
