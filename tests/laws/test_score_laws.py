@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from reference import differences
 from reference import gaussian_scores as reference
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
@@ -31,7 +31,7 @@ class _Pair:
         self.pose = Pose(rotation, away * rng.uniform(-1.0, 1.0, 3))
         deviations = np.exp(rng.uniform(np.log(smallest), np.log(largest), (7, 3)))
         deviations[::2, 0] = smallest  # as after regularisation: several at the minimum
-        covariances = turned_covariances(rng, deviations**2)
+        covariances = rotated_covariances(rng, deviations**2)
         counts = rng.integers(6, 200, 7)
         means = away * rng.uniform(-1.0, 1.0, 3) + largest * rng.normal(size=(3, 3))
         self.source = Gaussians.from_covariances(means, covariances[:3], counts[:3])

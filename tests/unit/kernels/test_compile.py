@@ -16,7 +16,7 @@ def _ratio(a, b):
 
 
 @sum_kernel
-def _sum_of_finite(values):
+def _finite_sum(values):
     total = 0.0
     skipped = 0
     for value in values:
@@ -27,7 +27,7 @@ def _sum_of_finite(values):
     return total, skipped
 
 
-def test_decorating_compiles_nothing_and_the_first_call_does():
+def test_kernels_are_compiled_at_the_first_call():
     @kernel
     def twice(a):
         return 2 * a
@@ -41,17 +41,17 @@ def test_kernels_divide_like_numpy():
     assert _ratio(1.0, 0.0) == np.inf
 
 
-def test_reordered_sums_still_see_nan_and_infinity():
+def test_reordered_sums_detect_nan_and_infinity():
     values = np.array([1.0, np.nan, 2.0, np.inf, -np.inf, 4.0])
-    assert _sum_of_finite(values) == (7.0, 3)
+    assert _finite_sum(values) == (7.0, 3)
 
 
-def test_reordered_sums_repeat_bit_for_bit():
+def test_reordered_sums_are_bitwise_reproducible():
     values = np.random.default_rng(0).normal(size=10_001)
-    assert len({_sum_of_finite(values)[0] for _ in range(20)}) == 1
+    assert len({_finite_sum(values)[0] for _ in range(20)}) == 1
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no compiler to tell of")
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 @pytest.mark.parametrize(
     ("locators", "end"), [("", "keeping them on disk"), ("ZipCacheLocator", "to one that is")]
 )
@@ -76,8 +76,8 @@ def test_compiling_is_logged_once(monkeypatch, caplog, tmp_path, locators, end):
     assert record.message.endswith(end)
 
 
-def test_a_kernel_works_where_no_cache_can_be_written():
-    # Only archives may be cached, and the file is none, so Numba finds no place for its cache.
+def test_a_kernel_works_without_a_writable_cache():
+    # This locator caches archives only, so Numba finds no folder for its cache.
     code = (
         "import numpy as np\n"
         "from scanlock.kernels.points.polar import polar_cells\n"
@@ -94,18 +94,18 @@ def test_a_kernel_works_where_no_cache_can_be_written():
     assert (done.stdout, done.stderr) == ("[0]\n", "")
 
 
-def test_a_change_of_the_kernel_or_of_a_shared_file_changes_the_digest(tmp_path, monkeypatch):
+def test_the_digest_covers_the_file_of_a_kernel_and_the_shared_files(tmp_path, monkeypatch):
     monkeypatch.setattr(_cache, "__file__", str(tmp_path / "_cache.py"))
     own, shared = tmp_path / "polar.py", tmp_path / "_inline.py"
-    found = set()
+    digests = set()
     for own_text, shared_text in (("a", "b"), ("c", "b"), ("c", "d")):
         own.write_text(own_text)
         shared.write_text(shared_text)
-        found.add(_cache.digest_of.__wrapped__(str(own)))
-    assert len(found) == 3
+        digests.add(_cache.digest_of.__wrapped__(str(own)))
+    assert len(digests) == 3
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no cache without a compiler")
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 def test_copies_of_a_kernel_in_two_folders_share_the_cache(monkeypatch, tmp_path):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
     code = "from scanlock.kernels._compile import kernel\n@kernel\ndef f(a):\n    return 3 * a\n"

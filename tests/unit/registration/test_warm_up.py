@@ -1,48 +1,41 @@
 import numba
 import pytest
+from scanlock.kernels.point_passes import clusters, point_passes
 
 from reference.samples import street
 from scanlock.kernels.gaussians import d2d, p2d
-from scanlock.kernels.ground import clusters as grouping
-from scanlock.kernels.ground import point_passes as ground
-from scanlock.kernels.points import moments, polar
-from scanlock.kernels.points import neighbourhood_sums as probing
-from scanlock.kernels.search import bev_grid as plan_view
-from scanlock.kernels.search import cliques as agreeing_sets
-from scanlock.kernels.search import compatibility
-from scanlock.kernels.search import rotated_grids as turned_maps
-from scanlock.kernels.verification import overlap as meeting
-from scanlock.kernels.verification import range_image
-from scanlock.kernels.verification import score_profile as sliding
+from scanlock.kernels.points import moments, neighbourhood_sums, polar
+from scanlock.kernels.search import bev_grid, cliques, compatibility, rotated_grids
+from scanlock.kernels.verification import overlap, range_image, score_profile
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.warm_up import warm_up
 from scanlock.segmentation.segmentation import segment
 
 _KERNELS = (
-    agreeing_sets.grown_sets,
+    cliques.grown_sets,
     compatibility.free_compatibility,
     compatibility.level_compatibility,
     compatibility.soft_overlap,
-    ground.lowest_points,
-    grouping.occupied_cells,
-    meeting.overlap_masks_and_score,
+    point_passes.lowest_points,
+    clusters.occupied_cells,
+    overlap.overlap_masks_and_score,
     moments.labelled_moments,
-    plan_view.column_slots,
+    bev_grid.column_slots,
     polar.polar_cells,
-    probing.sorted_by_voxel,
-    probing.sums_within_radius,
+    neighbourhood_sums.sorted_by_voxel,
+    neighbourhood_sums.sums_within_radius,
     range_image.free_space_violation,
     range_image.build_range_image,
-    sliding.scores_along_direction,
+    score_profile.scores_along_direction,
     d2d.d2d_terms,
     p2d.p2d_terms,
-    turned_maps.turned_maps,
+    rotated_grids.turned_maps,
 )
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="there is no compiler to warm up")
-def test_after_it_real_work_compiles_nothing():
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
+def test_nothing_is_compiled_after_the_warm_up():
     warm_up()
     before = [tuple(kernel.signatures) for kernel in _KERNELS]
     scan = street(1)

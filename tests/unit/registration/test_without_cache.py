@@ -9,7 +9,7 @@ import pytest
 
 import scanlock
 
-_HERE = """
+_SCRIPT = """
 import importlib, pkgutil, sys
 import scanlock.kernels
 from reference.samples import street
@@ -21,14 +21,14 @@ kernels = [
     for value in vars(importlib.import_module(module.name)).values()
     if hasattr(value, "stats")
 ]
-kept = [one for one in kernels if one.stats.cache_path is not None]
-print(scanlock.__file__, result.ok, kept, len(kernels) > 50)
+cached = [one for one in kernels if one.stats.cache_path is not None]
+print(scanlock.__file__, result.ok, cached, len(kernels) > 50)
 """
 
 
-@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="without a compiler there is nothing to keep")
-def test_a_read_only_installation_and_home_work(tmp_path):
-    # Root may write anywhere, so what cannot be a folder stands where folders would be made.
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
+def test_kernels_work_with_a_read_only_installation_and_home(tmp_path):
+    # Root can write everywhere, so files are in the places of the cache folders.
     package = tmp_path / "scanlock"
     shutil.copytree(
         Path(scanlock.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__")
@@ -41,13 +41,13 @@ def test_a_read_only_installation_and_home_work(tmp_path):
     unset = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA", "USERPROFILE")
     environment = {name: text for name, text in os.environ.items() if name not in unset}
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", _HERE],
+        [sys.executable, "-W", "error", "-c", _SCRIPT],
         env=environment
         | {
             "HOME": str(tmp_path / "home" / "sweet"),
             "PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])]),
             "PYTHONDONTWRITEBYTECODE": "1",
-            "NUMBA_OPT": "0",  # all is compiled: let that be quick
+            "NUMBA_OPT": "0",  # reduces the time of compilation
         },
         capture_output=True,
         text=True,

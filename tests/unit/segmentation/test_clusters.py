@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal, norm
 
 from reference import flood
 from reference.grouping import partition
-from reference.samples import street, turned_covariances
+from reference.samples import rotated_covariances, street
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput
 from scanlock.models.gaussians import Gaussians
@@ -114,7 +114,7 @@ def test_means_combine_below_the_threshold_only():
 @pytest.mark.parametrize("seed", range(4))
 def test_the_correlation_of_densities_matches_numerical_integration(seed):
     rng = np.random.default_rng(seed)
-    covariances = turned_covariances(rng, rng.uniform(0.3, 2.0, (2, 3)) ** 2)
+    covariances = rotated_covariances(rng, rng.uniform(0.3, 2.0, (2, 3)) ** 2)
     mean = rng.normal(size=3)
     # The trapezoid rule converges faster than any power for smooth functions.
     axis = np.arange(-11.0, 11.0, 0.35)

@@ -40,19 +40,19 @@ def _assert_decomposes(full):
     np.testing.assert_allclose(
         axes @ axes.transpose(0, 2, 1), np.tile(np.eye(3), (len(full), 1, 1)), atol=1e-14
     )
-    back = np.einsum("na,nai,naj->nij", variances, axes, axes)
-    assert (np.abs(back - full) <= 1e-14 * size[:, None]).all()
+    product = np.einsum("na,nai,naj->nij", variances, axes, axes)
+    assert (np.abs(product - full) <= 1e-14 * size[:, None]).all()
 
 
 @pytest.mark.parametrize("spectrum", _SPECTRA)
-def test_matrices_are_decomposed_however_degenerate(spectrum):
+def test_degenerate_matrices_are_decomposed(spectrum):
     rng = np.random.default_rng(7)
-    turns = np.array([np.eye(3)] + [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in range(200)])
-    full = turns @ np.diag(_SPECTRA[spectrum]) @ turns.transpose(0, 2, 1)
+    rotations = np.array([np.eye(3)] + [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in range(200)])
+    full = rotations @ np.diag(_SPECTRA[spectrum]) @ rotations.transpose(0, 2, 1)
     _assert_decomposes(0.5 * (full + full.transpose(0, 2, 1)))
 
 
-def test_indefinite_matrices_are_decomposed_too():
+def test_indefinite_matrices_are_decomposed():
     rng = np.random.default_rng(8)
     full = rng.normal(size=(300, 3, 3))
     _assert_decomposes(full + full.transpose(0, 2, 1))
@@ -64,12 +64,12 @@ def test_axes_of_distinct_variances_are_those_of_numpy():
     full = factors @ factors.transpose(0, 2, 1)
     _, axes = _decomposed(full)
     expected = np.linalg.eigh(full)[1].transpose(0, 2, 1)
-    alike = np.abs(np.einsum("nai,nai->na", axes, expected))
-    np.testing.assert_allclose(alike, 1.0, atol=1e-9)
+    cosines = np.abs(np.einsum("nai,nai->na", axes, expected))
+    np.testing.assert_allclose(cosines, 1.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0), (1, 0, 2), (0, 2, 1)])
-def test_variances_ascend_whatever_their_order_on_the_diagonal(order):
+def test_variances_ascend_for_any_order_on_the_diagonal(order):
     values = np.array([1.0, 2.0, 3.0])[list(order)]
     variances, axes = _decomposed(np.diag(values)[None])
     np.testing.assert_array_equal(variances, [[1.0, 2.0, 3.0]])

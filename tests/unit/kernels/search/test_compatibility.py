@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reference import compatibility as reference
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.arrays import read_only
 from scanlock.kernels.search.cliques import grown_sets, shared_neighbours
 from scanlock.kernels.search.compatibility import (
@@ -14,57 +14,57 @@ from scanlock.kernels.search.compatibility import (
 )
 
 _TOLERANCES = np.array([0.5, 0.1, 0.2, 2.0])
-_GRADES = np.array([1.0, 4.0, 12.0])
+_THRESHOLDS = np.array([1.0, 4.0, 12.0])
 _ROWS, _COLUMNS = np.triu_indices(3)
 
 
 def _matches(count=70):
-    """Matches of which many agree: both sides are nearly one set of places."""
+    """Matches of which many are compatible: the positions on both sides differ by little."""
     rng = np.random.default_rng(5)
     target = rng.uniform(-8.0, 8.0, (count, 3)) * [1.0, 1.0, 0.2]
     source = target + rng.normal(0.0, 1.0, (count, 3))
-    slacks = [
-        turned_covariances(rng, rng.uniform(0.01, 0.1, (count, 3)))[:, _ROWS, _COLUMNS]
+    covariances = [
+        rotated_covariances(rng, rng.uniform(0.01, 0.1, (count, 3)))[:, _ROWS, _COLUMNS]
         for _ in range(2)
     ]
-    return rng, [read_only(array) for array in (target, source, *slacks)]
+    return rng, [read_only(array) for array in (target, source, *covariances)]
 
 
 def _bits(graph):
-    """The words as truth values, one for each two rows."""
+    """Adjacency of a graph of packed bits."""
     count = graph.shape[-2]
     octets = np.ascontiguousarray(graph).astype("<u8").view(np.uint8)
     return np.unpackbits(octets, axis=-1, bitorder="little")[..., :count].astype(bool)
 
 
-def _words(truths):
-    count = len(truths)
+def _packed_bits(adjacency):
+    count = len(adjacency)
     padded = np.zeros((count, 64 * ((count + 63) // 64)), np.uint8)
-    padded[:, :count] = truths
+    padded[:, :count] = adjacency
     return read_only(np.packbits(padded, axis=1, bitorder="little").view("<u8").astype(np.uint64))
 
 
 def _assert_graph(graph, expected):
     np.testing.assert_array_equal(_bits(graph), expected)
-    shares = expected.mean(axis=(1, 2))
-    assert (np.diff(shares) > 0.02).all()
-    assert shares[0] > 0.02
-    assert shares[-1] < 0.98
+    ratios = expected.mean(axis=(1, 2))
+    assert (np.diff(ratios) > 0.02).all()
+    assert ratios[0] > 0.02
+    assert ratios[-1] < 0.98
 
 
-def test_level_matches_agree_as_defined():
+def test_level_compatibility_matches_the_definition():
     rng, matches = _matches()
     angles = rng.normal(0.0, 0.3, 70)
-    turns = np.stack([np.cos(2 * angles), np.sin(2 * angles)], axis=1)
-    turns[::3] = 0.0
-    arguments = *matches, read_only(turns), read_only(_TOLERANCES)
+    headings = np.stack([np.cos(2 * angles), np.sin(2 * angles)], axis=1)
+    headings[::3] = 0.0
+    arguments = *matches, read_only(headings), read_only(_TOLERANCES)
     expected = reference.agreements(
-        lambda a, b: reference.level_misfit(*arguments, a, b), 70, _GRADES
+        lambda a, b: reference.level_misfit(*arguments, a, b), 70, _THRESHOLDS
     )
-    _assert_graph(level_compatibility(*arguments, read_only(_GRADES)), expected)
+    _assert_graph(level_compatibility(*arguments, read_only(_THRESHOLDS)), expected)
 
 
-def test_tilted_matches_agree_as_defined():
+def test_free_compatibility_matches_the_definition():
     rng, matches = _matches()
     axes = rng.normal(size=(70, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
@@ -73,71 +73,71 @@ def test_tilted_matches_agree_as_defined():
     axes[::3] = other[::3] = 0.0
     arguments = *matches, read_only(axes), read_only(other), read_only(_TOLERANCES)
     expected = reference.agreements(
-        lambda a, b: reference.free_misfit(*arguments, a, b), 70, _GRADES
+        lambda a, b: reference.free_misfit(*arguments, a, b), 70, _THRESHOLDS
     )
-    _assert_graph(free_compatibility(*arguments, read_only(_GRADES)), expected)
+    _assert_graph(free_compatibility(*arguments, read_only(_THRESHOLDS)), expected)
 
 
-def test_matches_that_share_a_part_never_agree():
-    _, (target, source, target_slack, source_slack) = _matches(6)
+def test_matches_of_one_cluster_are_incompatible():
+    _, (target, source, target_covariances, source_covariances) = _matches(6)
     same = read_only(np.broadcast_to(target[0], (6, 3)))
-    slacks = read_only(1e6 * target_slack), read_only(1e6 * source_slack)
-    rest = read_only(_TOLERANCES), read_only(_GRADES)
-    turns, axes = read_only(np.zeros((6, 2))), read_only(np.zeros((6, 3)))
-    assert not level_compatibility(same, source, *slacks, turns, *rest).any()
-    assert not free_compatibility(target, same, *slacks, axes, axes, *rest).any()
+    covariances = read_only(1e6 * target_covariances), read_only(1e6 * source_covariances)
+    rest = read_only(_TOLERANCES), read_only(_THRESHOLDS)
+    headings, axes = read_only(np.zeros((6, 2))), read_only(np.zeros((6, 3)))
+    assert not level_compatibility(same, source, *covariances, headings, *rest).any()
+    assert not free_compatibility(target, same, *covariances, axes, axes, *rest).any()
 
 
-@pytest.fixture(name="truths")
-def _truths():
+@pytest.fixture(name="graph")
+def _graph():
     """A sparse random graph of 100 rows with a clique of eight in it."""
     rng = np.random.default_rng(2)
-    truths = np.triu(rng.random((100, 100)) < 0.1, 1)
+    adjacency = np.triu(rng.random((100, 100)) < 0.1, 1)
     members = rng.choice(100, 8, replace=False)
     for a, b in itertools.combinations(sorted(members), 2):
-        truths[a, b] = True
-    return truths | truths.T, set(members.tolist())
+        adjacency[a, b] = True
+    return adjacency | adjacency.T, set(members.tolist())
 
 
-def test_shared_neighbours_are_counted(truths):
-    graph, _ = truths
-    pairs, shared = shared_neighbours(_words(graph))
-    assert {tuple(pair) for pair in pairs} == set(zip(*np.nonzero(np.tril(graph)), strict=True))
-    np.testing.assert_array_equal(shared, [(graph[a] & graph[b]).sum() for a, b in pairs])
+def test_shared_neighbours_are_counted(graph):
+    adjacency, _ = graph
+    pairs, shared = shared_neighbours(_packed_bits(adjacency))
+    assert {tuple(pair) for pair in pairs} == set(zip(*np.nonzero(np.tril(adjacency)), strict=True))
+    np.testing.assert_array_equal(shared, [(adjacency[a] & adjacency[b]).sum() for a, b in pairs])
 
 
-def test_sets_are_maximal_and_the_hidden_one_is_found_first(truths):
-    graph, members = truths
-    pairs, shared = shared_neighbours(_words(graph))
+def test_cliques_are_maximal_and_the_largest_comes_first(graph):
+    adjacency, members = graph
+    pairs, shared = shared_neighbours(_packed_bits(adjacency))
     order = np.argsort(-shared, kind="stable")
-    sets = grown_sets(_words(graph), read_only(pairs[order]), 10, 20)
+    sets = grown_sets(_packed_bits(adjacency), read_only(pairs[order]), 10, 20)
     assert set(sets[0].tolist()) - {-1} == members
     seen = set()
     for row in sets:
         one = row[row >= 0]
         assert len(one) > 2
-        assert all(graph[a, b] for a, b in itertools.combinations(one, 2))
-        assert not graph[one].all(axis=0).any()
+        assert all(adjacency[a, b] for a, b in itertools.combinations(one, 2))
+        assert not adjacency[one].all(axis=0).any()
         pair = frozenset(one[:2].tolist())
         assert pair not in seen
         seen |= {frozenset(two) for two in itertools.combinations(one.tolist(), 2)}
-    assert (grown_sets(_words(graph), read_only(pairs[order]), 10, 5)[0] >= 0).all()
+    assert (grown_sets(_packed_bits(adjacency), read_only(pairs[order]), 10, 5)[0] >= 0).all()
 
 
-def test_a_graph_without_triangles_has_no_set():
+def test_a_graph_without_triangles_has_no_clique():
     ring = np.eye(10, k=1, dtype=bool) | np.eye(10, k=-1, dtype=bool)
-    pairs, shared = shared_neighbours(_words(ring))
+    pairs, shared = shared_neighbours(_packed_bits(ring))
     assert len(pairs) == 9
     assert not shared.any()
-    assert len(grown_sets(_words(ring), read_only(pairs), 5, 8)) == 0
+    assert len(grown_sets(_packed_bits(ring), read_only(pairs), 5, 8)) == 0
 
 
-def test_overlap_counts_as_defined():
+def test_soft_overlap_matches_the_definition():
     rng = np.random.default_rng(8)
     target, source = rng.uniform(-3.0, 3.0, (40, 3)), rng.uniform(-3.0, 3.0, (50, 3))
     affinities = rng.random((50, 40))
     arguments = read_only(target), read_only(source), read_only(affinities), 0.8
     assert soft_overlap(*arguments) == pytest.approx(reference.soft_overlap(*arguments))
-    # One part counts once, however often it is met.
+    # A cluster counts once, with any number of overlaps.
     once = read_only(np.zeros((1, 3))), read_only(np.zeros((9, 3))), read_only(np.ones((9, 1)))
     assert soft_overlap(*once, 1.0) == 1.0

@@ -62,7 +62,9 @@ def test_values_match_the_definition(seed, shape):
         _round([[0.0, 0.0, 0.0], [20_000.0, -3.0, 0.0]]),
         _round([[-7.5, 12.0, 100.0], [-7.5, 12.0, -100.0]]),
         _round([[7000.0, 5000.0, 0.0], [7001.0, 5003.0, 0.0]]),
-        gaussians(np.random.default_rng(1), 50, spread=300.0, least=0.1, most=30.0),
+        gaussians(
+            np.random.default_rng(1), 50, half_width=300.0, min_deviation=0.1, max_deviation=30.0
+        ),
     ],
     ids=["one", "one wide", "far apart", "stacked", "off the origin", "many sizes"],
 )
@@ -102,7 +104,7 @@ def test_derivatives_match_differences_where_the_window_falls(share):
     # The default window starts where a score is e^-8; this one falls where the score is large.
     rng = np.random.default_rng(5)
     shape = ScoreShape(sharpness=0.5, window_start=1.0, window_end=9.0)
-    target, source = gaussians(rng, 1, least=0.5), gaussians(rng, 1, least=0.5)
+    target, source = gaussians(rng, 1, min_deviation=0.5), gaussians(rng, 1, min_deviation=0.5)
     pose = Pose.from_step(rng.normal(size=6))
     for objective, both in (
         (

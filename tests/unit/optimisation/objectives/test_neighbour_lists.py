@@ -56,7 +56,10 @@ def _all(near):
 @pytest.mark.parametrize("seed", range(3))
 def test_targets_in_range_match_the_definition(seed, spread):
     rng = np.random.default_rng(seed)
-    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    target, source = (
+        gaussians(rng, 90, half_width=spread, min_deviation=0.2, max_deviation=4.0)
+        for _ in range(2)
+    )
     pose = _step(rng, 0.1)
     margins = rng.uniform(0.0, 5.0, 90)
     *order, side, columns, rows = sorted_by_cell(target.means, target.max_variances, 3.0)
@@ -105,7 +108,7 @@ def test_centre_and_arms_match_the_definition(count):
 def test_the_order_of_sources_changes_no_list():
     # Sources that are close in the order share a query of the grid; scattered ones do not.
     rng = np.random.default_rng(13)
-    target, source = (gaussians(rng, 300, spread=15.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 300, half_width=15.0, max_deviation=0.8) for _ in range(2))
     in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
     pose = _step(rng, 0.1)
     first, second = (
@@ -123,7 +126,7 @@ def test_the_order_of_sources_changes_no_list():
 
 def test_far_poses_and_empty_sets_have_empty_lists():
     rng = np.random.default_rng(5)
-    some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
+    some, none = gaussians(rng, 10, half_width=5.0), gaussians(rng, 0)
     for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
         near = NeighbourLists(NeighbourSearch(some, some, 25.0), Pose(np.eye(3), np.array(far)))
         assert _all(near) == set()
@@ -138,7 +141,10 @@ def test_far_poses_and_empty_sets_have_empty_lists():
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_in_range_score_as_all_pairs(seed, spread):
     rng = np.random.default_rng(seed)
-    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    target, source = (
+        gaussians(rng, 90, half_width=spread, min_deviation=0.2, max_deviation=4.0)
+        for _ in range(2)
+    )
     pose = _step(rng)
     both = {"target": target, "source": source, "shape": ScoreShape(sharpness=0.5)}
     every = GaussiansToGaussians(**both, candidates=_AllPairs(90)).linearise(pose)
@@ -153,7 +159,7 @@ def test_pairs_in_range_score_as_all_pairs(seed, spread):
 def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
     # For round Gaussians the bound is the distance itself: any tighter one fails.
     rng = np.random.default_rng(4)
-    target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
+    target, source = (gaussians(rng, 80, min_deviation=1.0, max_deviation=1.0) for _ in range(2))
     pose = _step(rng, 0.2)
     s = reference.d2d_squared(
         pose, target.means, target.covariances, source.means, source.covariances
@@ -165,7 +171,7 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
 
 def test_lists_are_valid_until_a_source_may_have_moved_too_far():
     rng = np.random.default_rng(6)
-    target, source = (gaussians(rng, 300, spread=20.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 300, half_width=20.0, max_deviation=0.8) for _ in range(2))
     start = _step(rng, 0.1)
     # Away from the origin, so that a rotation about it also moves the centre.
     source = source.transformed(Pose(np.eye(3), np.array([30.0, 0.0, 0.0])))
@@ -188,7 +194,7 @@ def test_lists_are_valid_until_a_source_may_have_moved_too_far():
 
 def test_cached_lists_do_not_change_values(monkeypatch):
     rng = np.random.default_rng(7)
-    target, source = (gaussians(rng, 200, spread=15.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 200, half_width=15.0, max_deviation=0.8) for _ in range(2))
     made = []
 
     def counted(*arguments):
@@ -211,7 +217,7 @@ def test_cached_lists_do_not_change_values(monkeypatch):
 
 def test_lists_beyond_the_cache_limit_are_computed_again(monkeypatch):
     rng = np.random.default_rng(8)
-    target, source = (gaussians(rng, 2500, spread=20.0) for _ in range(2))
+    target, source = (gaussians(rng, 2500, half_width=20.0) for _ in range(2))
     pose = _step(rng, 0.1)
     whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
     monkeypatch.setattr(module, "_MAX_CACHED", 500)
@@ -228,7 +234,7 @@ def test_lists_beyond_the_cache_limit_are_computed_again(monkeypatch):
 
 def test_results_are_bitwise_equal_for_any_number_of_threads():
     rng = np.random.default_rng(10)
-    target, source = (gaussians(rng, 3000, spread=25.0) for _ in range(2))
+    target, source = (gaussians(rng, 3000, half_width=25.0) for _ in range(2))
     found = []
     for count in (1, 2, 3, 7):
         objective = GaussiansToGaussians(target=target, source=source)

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from reference.point_scans import point_scan, unit_vectors
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun
@@ -26,7 +26,7 @@ def _packed(full):
 
 
 def _covariances(rng, count):
-    return _packed(turned_covariances(rng, rng.uniform(1e-4, 1e-2, (count, 3))))
+    return _packed(rotated_covariances(rng, rng.uniform(1e-4, 1e-2, (count, 3))))
 
 
 def _pairs(rows, weights=None):
