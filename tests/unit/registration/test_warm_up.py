@@ -1,9 +1,9 @@
 import numba
 import pytest
-from scanlock.kernels.point_passes import clusters, point_passes
 
 from reference.samples import street
 from scanlock.kernels.gaussians import d2d, p2d
+from scanlock.kernels.ground import clusters, point_passes
 from scanlock.kernels.points import moments, neighbourhood_sums, polar
 from scanlock.kernels.search import bev_grid, cliques, compatibility, rotated_grids
 from scanlock.kernels.verification import overlap, range_image, score_profile
