@@ -143,9 +143,9 @@ def test_scores_ignore_a_motion_common_to_both_scans(pair, seed):
     d2d = GaussiansToGaussians(target=target, source=pair.source, shape=pair.shape)
     p2d = PointsToGaussians(target=target, points=pair.points, shape=pair.shape)
     # Turning a covariance of condition 1e4 rounds it by 1e4 units in its last place.
-    for there, here in ((d2d, pair.d2d), (p2d, pair.p2d)):
+    for score_of_moved, score in ((d2d, pair.d2d), (p2d, pair.p2d)):
         np.testing.assert_allclose(
-            there.linearise(moved).value, here.linearise(pair.pose).value, rtol=1e-7
+            score_of_moved.linearise(moved).value, score.linearise(pair.pose).value, rtol=1e-7
         )
 
 

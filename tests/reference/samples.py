@@ -43,12 +43,14 @@ def street(seed, count=6000, layout=42):
     rng = np.random.default_rng(seed)
     spots = layout.uniform(-30.0, 30.0, (60, 2))
     spots = spots[np.hypot(*spots.T) > 6.0]
-    parts = [_box(rng, layout, spot, count // 28) for spot in spots[:14]]
-    parts += [_pole(rng, spot, count // 133) for spot in spots[14:34]]
-    n = count - sum(map(len, parts))
+    surfaces = [_box(rng, layout, spot, count // 28) for spot in spots[:14]]
+    surfaces += [_pole(rng, spot, count // 133) for spot in spots[14:34]]
+    n = count - sum(map(len, surfaces))
     radius, azimuth = 35.0 * np.sqrt(rng.random(n)), rng.uniform(0.0, 2.0 * np.pi, n)
-    parts.append(np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.zeros(n)]))
-    points = np.concatenate(parts) - [0.0, 0.0, SENSOR_HEIGHT]
+    surfaces.append(
+        np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.zeros(n)])
+    )
+    points = np.concatenate(surfaces) - [0.0, 0.0, SENSOR_HEIGHT]
     return points + rng.normal(0.0, NOISE, points.shape)
 
 

@@ -96,8 +96,8 @@ def test_files_and_commands_named_in_texts_exist():
 def test_the_guard_times_stages_and_warns_of_slow_ones(tmp_path):
     recorded = tomllib.loads((_FOLDER / "speed" / "guard.toml").read_text())["multiples"]
     slow = "sgc-ndt-d2d, align"
-    never = {name: 1e9 for name in recorded} | {slow: 1e-9}
-    lines = [f'"{name}" = {multiple}' for name, multiple in never.items()]
+    recorded_multiples = {name: 1e9 for name in recorded} | {slow: 1e-9}
+    lines = [f'"{name}" = {multiple}' for name, multiple in recorded_multiples.items()]
     (tmp_path / "recorded.toml").write_text("\n".join(["[multiples]", *lines]))
     done = subprocess.run(
         [

@@ -304,9 +304,9 @@ def test_gaussians_are_those_of_the_clusters_split_to_each_radius():
         split, _ = finder.split(points, labels, count, radius)
         expected = Gaussians.from_labels(points, split, 4)
         assert len(found) == len(expected) > 5
-        ours, theirs = (np.lexsort(one.means.T) for one in (found, expected))
-        np.testing.assert_array_equal(found.counts[ours], expected.counts[theirs])
-        np.testing.assert_allclose(found.means[ours], expected.means[theirs], atol=1e-12)
+        order, expected_order = (np.lexsort(one.means.T) for one in (found, expected))
+        np.testing.assert_array_equal(found.counts[order], expected.counts[expected_order])
+        np.testing.assert_allclose(found.means[order], expected.means[expected_order], atol=1e-12)
         np.testing.assert_allclose(
-            found.covariances[ours], expected.covariances[theirs], atol=1e-12
+            found.covariances[order], expected.covariances[expected_order], atol=1e-12
         )

@@ -30,7 +30,7 @@ def test_labels_follow_the_rows_of_the_file(scanlock, scans, tmp_path, expected,
     assert f"wrote {path}" in done.out
 
 
-def test_semantic_kitti_labels_hold_class_and_instance(scanlock, scans, tmp_path, expected):
+def test_semantic_kitti_labels_contain_class_and_instance(scanlock, scans, tmp_path, expected):
     path = tmp_path / "scan.label"
     assert scanlock("segment", scans / "invalid_rows.pcd", "-o", path).code == 0
     packed = read_labels(path, count=6000)

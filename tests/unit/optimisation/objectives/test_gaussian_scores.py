@@ -99,8 +99,8 @@ def test_p2d_is_continuous_where_the_score_of_the_own_cell_jumps():
     assert np.abs(np.diff(every)).max() < 2.0 * np.exp(-0.5) / 0.5 * steps
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_derivatives_match_differences_where_the_window_falls(share):
+@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.8])
+def test_derivatives_match_differences_where_the_window_falls(fraction):
     # The default window starts where a score is e^-8; this one falls where the score is large.
     rng = np.random.default_rng(5)
     shape = ScoreShape(sharpness=0.5, window_start=1.0, window_end=9.0)
@@ -117,7 +117,7 @@ def test_derivatives_match_differences_where_the_window_falls(share):
         ),
     ):
         # A source at this squared distance, inside the window.
-        s = 1.0 + share * 8.0
+        s = 1.0 + fraction * 8.0
         position = target.means[0] + np.linalg.cholesky(both) @ np.array([0.6, 0.0, 0.8]) * np.sqrt(
             s
         )

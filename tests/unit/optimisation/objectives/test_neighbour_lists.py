@@ -23,7 +23,9 @@ class _AllPairs:
         self._list = np.array([0, targets]), np.arange(targets)
 
     def at(self, positions):
-        return tuple(read_only(part) for part in (np.zeros(len(positions), np.int64), *self._list))
+        return tuple(
+            read_only(array) for array in (np.zeros(len(positions), np.int64), *self._list)
+        )
 
 
 def _step(rng, scale=1.0):
@@ -52,12 +54,12 @@ def _all(near):
     }
 
 
-@pytest.mark.parametrize("spread", [0.0, 5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("half_width", [0.0, 5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_targets_in_range_match_the_definition(seed, spread):
+def test_targets_in_range_match_the_definition(seed, half_width):
     rng = np.random.default_rng(seed)
     target, source = (
-        gaussians(rng, 90, half_width=spread, min_deviation=0.2, max_deviation=4.0)
+        gaussians(rng, 90, half_width=half_width, min_deviation=0.2, max_deviation=4.0)
         for _ in range(2)
     )
     pose = _step(rng, 0.1)
@@ -75,7 +77,7 @@ def test_targets_in_range_match_the_definition(seed, spread):
     )
     found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
-    assert bool(found) == (spread < 2000.0)
+    assert bool(found) == (half_width < 2000.0)
 
 
 @pytest.mark.parametrize("side", [0.01, 1.0, 50.0])
@@ -137,12 +139,12 @@ def test_far_poses_and_empty_sets_have_empty_lists():
             assert both.linearise(_step(rng)).value == 0
 
 
-@pytest.mark.parametrize("spread", [5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("half_width", [5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_pairs_in_range_score_as_all_pairs(seed, spread):
+def test_pairs_in_range_score_as_all_pairs(seed, half_width):
     rng = np.random.default_rng(seed)
     target, source = (
-        gaussians(rng, 90, half_width=spread, min_deviation=0.2, max_deviation=4.0)
+        gaussians(rng, 90, half_width=half_width, min_deviation=0.2, max_deviation=4.0)
         for _ in range(2)
     )
     pose = _step(rng)

@@ -97,8 +97,8 @@ def test_point_to_plane_residuals_are_along_the_normal_of_the_target():
 
 def _pair_covariances(target, source, pairs):
     """Covariance of the difference of each correspondence at the start."""
-    turned = _START.rotation @ unpacked(source.covariances) @ _START.rotation.T
-    return unpacked(target.covariances)[pairs.target_rows] + turned[pairs.source_rows]
+    rotated = _START.rotation @ unpacked(source.covariances) @ _START.rotation.T
+    return unpacked(target.covariances)[pairs.target_rows] + rotated[pairs.source_rows]
 
 
 @_with_each_closed_form
@@ -220,7 +220,7 @@ def _best_of(dof, scans, start):
 
 @_with_each_algorithm
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
-def test_locked_directions_stay_and_the_others_are_optimal(algorithm, dof):
+def test_locked_directions_are_unchanged_and_the_others_optimal(algorithm, dof):
     scans, constraints = _scans(noise=0.2), Constraints(dof=dof)
     found, note = _estimated(
         TransformEstimation(algorithm=algorithm),

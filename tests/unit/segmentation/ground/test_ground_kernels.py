@@ -55,7 +55,7 @@ def _starts(cells):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_lowest_points_and_counts(seed):
+def test_lowest_points_and_counts_match_the_definition(seed):
     points = np.array(_hills(seed, count=800))
     points[::3, 2] = np.round(points[::3, 2], 1)
     points = read_only(np.vstack([points, points[:50]]))
@@ -86,7 +86,7 @@ def test_lowest_points_and_counts(seed):
     assert 0 < found.sum() < len(found)
 
 
-def test_heights_above_knots_are_broken_lines():
+def test_heights_between_knots_are_interpolated_linearly():
     rng = np.random.default_rng(1)
     points = _hills(1, 500)
     cells = _GRID.cells(points)
@@ -112,7 +112,7 @@ def test_heights_above_knots_are_broken_lines():
     assert 0 < is_ground.sum() < close < near
 
 
-def test_turned_points():
+def test_rotated_points_match_the_definition():
     points = _hills(0, 50)
     rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
     rotated = passes.rotated_points(points, read_only(rotation))
@@ -120,7 +120,7 @@ def test_turned_points():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_lower_envelope_is_that_of_all_cones(seed):
+def test_the_lower_envelope_matches_the_definition(seed):
     (x, y, z), cells, _ = _low(seed)
     found = lower_envelope(x, y, z, cells, _starts(cells), _GRID.bins, 0.6, 0.1, 3)
     exact = slow.lower_envelope(x, y, z, cells, _GRID.sectors, _GRID.bins, 0.6, 0.1, 3)
@@ -144,7 +144,7 @@ def test_only_a_lower_level_and_not_a_few_reflections_lowers_the_envelope(count,
     assert ((above > 0.25).sum() > 20) == is_lower
 
 
-def test_plane_scores_and_moments():
+def test_plane_scores_and_moments_match_the_definition():
     rng = np.random.default_rng(5)
     low = rng.normal(0, 1, (400, 3)) * [10, 10, 0.5]
     weights, thresholds = rng.random(400), rng.uniform(0.2, 0.6, 400)
@@ -188,7 +188,7 @@ def test_the_flattest_direction_is_the_eigenvector_of_the_smallest_eigenvalue(ro
         assert abs(found @ axes[:, 0]) == pytest.approx(1)
 
 
-def test_the_best_triple_is_the_plane_of_most_points():
+def test_the_best_sampled_plane_has_the_most_inliers():
     rng = np.random.default_rng(2)
     floor = np.column_stack([rng.uniform(-20, 20, (300, 2)), rng.normal(-1.5, 0.02, 300)])
     clutter = np.column_stack([rng.uniform(-20, 20, (600, 2)), rng.uniform(-1.5, 6, 600)])
@@ -200,14 +200,14 @@ def test_the_best_triple_is_the_plane_of_most_points():
     assert (plane.coefficients == again.coefficients).all()
 
 
-def test_no_plane_without_points_or_through_a_line():
+def test_points_on_a_line_have_no_plane():
     line = np.column_stack([np.linspace(1, 9, 40), np.zeros(40), np.zeros(40)])
     for low in (np.zeros((0, 3)), np.ones((2, 3)), np.ones((30, 3)), line):
         assert fit_base_plane(low, max_tilt=0.7) is None
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_patches_grow_by_their_definition(seed):
+def test_grown_patches_match_the_definition(seed):
     (x, y, z), cells, low = _low(seed)
     sectors, rings = 8, 6
     ring = np.minimum((np.hypot(x, y) / 5).astype(int), rings - 1)
@@ -239,7 +239,7 @@ def test_patches_grow_by_their_definition(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_members_of_patches(seed):
+def test_members_of_patches_match_the_definition(seed):
     rng = np.random.default_rng(seed)
     _, cells, low = _low(seed)
     ranges = np.hypot(*low[:, :2].T)
@@ -293,7 +293,7 @@ def test_knots_join_the_prototypes_of_each_sector():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_extent_of_chosen_points(seed):
+def test_the_extent_of_selected_points_matches_the_definition(seed):
     _, cells, low = _low(seed)
     low = low * [1.0, 0.1, 1.0] @ np.linalg.qr(np.diag([1, 1, 0]) + 0.3)[0]
     starts = _starts(cells)
