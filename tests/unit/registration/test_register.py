@@ -9,7 +9,6 @@ from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.register import register
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 from scanlock.registration.verification.status import Status
-from scanlock.timing import StageClock
 
 
 @pytest.fixture(scope="module")
@@ -73,17 +72,6 @@ def test_settings_are_named_after_their_class(scan):
         """The default method under another name."""
 
     assert register(source=scan, target=scan, method=Renamed()).method == "Renamed"
-
-
-def test_a_clock_sums_the_time_of_each_stage():
-    clock = StageClock()
-    for _ in range(2):
-        with clock.stage("one"):
-            pass
-    first = clock.seconds["one"]
-    with pytest.raises(ZeroDivisionError), clock.stage("one"):
-        _ = 1 / 0
-    assert clock.seconds["one"] > first > 0.0
 
 
 def test_source_and_target_are_keyword_only(scan):
