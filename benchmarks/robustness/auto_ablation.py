@@ -34,7 +34,7 @@ _FULL = Auto()
 
 _NO_FALLBACK = replace(_FULL, fallback_search=None, matcher=None)
 
-_LATE_ENTRY = tuple(replace(scale, is_entry=False) for scale in DEFAULT_SCALES[2:])
+_LATE_ENTRY = tuple(replace(scale, starts_here=False) for scale in DEFAULT_SCALES[2:])
 
 VARIANTS: dict[str, Auto] = {
     "default": _FULL,

@@ -71,7 +71,7 @@ def scanlock_tool(name: str) -> Callable[[], Tool]:
     """Return a function that makes a method of scanlock."""
 
     def run(source: Cloud, target: Cloud, start: Pose) -> PoseAndClaim:
-        result = register(source, target, method=METHODS[name], initial=start)
+        result = register(source=source, target=target, method=METHODS[name], initial=start)
         return result.target_from_source, result.ok
 
     return lambda: Tool(f"scanlock {name}", run)

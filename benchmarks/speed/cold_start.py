@@ -31,8 +31,8 @@ import scanlock; lap()
 import numba; lap()
 scanlock.register; lap()
 source, target = (np.load(name) for name in sys.argv[1:]); lap()
-scanlock.register(source, target); lap()
-scanlock.register(source, target); lap()
+scanlock.register(source=source, target=target); lap()
+scanlock.register(source=source, target=target); lap()
 print(*np.diff(laps))
 """
 

@@ -49,7 +49,7 @@ import scanlock
 method, *names = sys.argv[1:]
 source, target = (np.load(name) for name in names)
 sparse = [cloud[:: max(1, len(cloud) // 20_000)] for cloud in (source, target)]
-scanlock.register(*sparse, method=method)
+scanlock.register(source=sparse[0], target=sparse[1], method=method)
 def memory(kind):
     lines = open("/proc/self/status").read().splitlines()
     return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(kind))
@@ -58,7 +58,7 @@ open("/proc/self/clear_refs", "w").write("5")
 calls = []
 while len(calls) < 2 or len(calls) < 4 and sum(cpu for cpu, _ in calls) < 2.0:
     begin = time.process_time()
-    result = scanlock.register(source, target, method=method)
+    result = scanlock.register(source=source, target=target, method=method)
     calls.append((time.process_time() - begin, dict(result.timings)))
     if len(calls) == 1:
         peak = memory("VmHWM")

@@ -62,7 +62,7 @@ def stages(only: str) -> dict[str, Callable[[None], object]]:
     found: dict[str, Callable[[None], object]] = {
         "check": lambda _: PointCloud.from_array(target),
         "segment": lambda _: segment(target),
-        "register": lambda _: register(source, target),
+        "register": lambda _: register(source=source, target=target),
     }
 
     def add(name: str) -> None:

@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from scanlock.registration.methods.calibration import covariance_factor
 from scipy.stats import chi2
 
 from benchmarks._common.arguments import add_data, make_parser
@@ -91,7 +90,7 @@ def error_of(
     raw: bool,
 ) -> Error | None:
     """Return the error of one registration; None where it is lost or has no covariance."""
-    result = register(source, target, initial=start, covariance=estimator)
+    result = register(source=source, target=target, initial=start, covariance=estimator)
     pose = result.target_from_source
     error = np.concatenate(
         [truth.translation - pose.translation, log_rotation(truth.rotation @ pose.rotation.T)]
@@ -101,7 +100,7 @@ def error_of(
         return None
     matrix = result.covariance.matrix
     if raw and estimator == "sandwich":
-        matrix = matrix / covariance_factor(source.method) ** 2
+        matrix = matrix / source.method.covariance_factor**2
     nees, translation, rotation, roll_pitch = (
         float(error[at] @ np.linalg.solve(matrix[at, at], error[at]))
         for at in (slice(0, 6), slice(0, 3), slice(3, 6), slice(3, 5))

@@ -64,7 +64,7 @@ def trials_of(case: Case, peers: Sequence[ScoredPeer] = ()) -> Iterator[dict[str
         }  # fmt: skip
 
     for method in case.methods:
-        result = register(case.source, case.target, method=method, initial=case.start)
+        result = register(source=case.source, target=case.target, method=method, initial=case.start)
         values = features(result.metrics, result.directions)
         pose, status = result.target_from_source, result.status.value
         yield trial(method, pose, status, result.probability, values, is_vetoed(result))

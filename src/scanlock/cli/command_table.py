@@ -109,7 +109,7 @@ Only maps of the same scans are comparable.
         help="Compare methods on pairs of scans: errors and basins of convergence.",
         epilogue=f"""\
 Examples:
-  scanlock compare source.bin target.bin --truth pose.txt
+  scanlock compare first.bin second.bin --truth second_in_first.txt
   scanlock compare drive --methods gicp sgc-ndt-d2d --every 10 --pairs 5
   scanlock compare drive --agree --starts 3 --distances 0 2 5 --angles 0 30
 

@@ -22,7 +22,7 @@ def show_registration(
     truth: "Pose | None" = None,
     verbose: bool = False,
 ) -> None:
-    """Print a result: status, reason and pose; the metrics and times if verbose.
+    """Print a result: status, reason and pose; metrics, times and notes on scans if verbose.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def show_registration(
     truth : Pose, optional
         The true pose, if known.
     verbose : bool
-        Whether to print metrics, candidates and times.
+        Whether to print metrics, candidates, times and the notes on the scans.
     """
     from scanlock.registration.display import direction_rows, metric_rows
 
@@ -61,7 +61,7 @@ def show_registration(
         if result.candidates:
             rows.append(("candidates", _candidates(result)))
     rows.append(("time", _time(result.timings, first_stage, compiled, verbose)))
-    rows.extend(("note", note) for note in result.notes)
+    rows.extend(("note", note) for note in _notes(result, verbose))
     print_status(result.status.value.replace("_", " "), "source onto target", good=result.ok)
     print_facts(rows)
 
@@ -126,6 +126,13 @@ def _error(pose: "Pose", truth: "Pose") -> str:
 def _triple(values: "Vector | list[float]", digits: int) -> str:
     # Adding zero turns -0.0 into 0.0.
     return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
+
+
+def _notes(result: "RegistrationResult", verbose: bool) -> list[str]:
+    """Return the notes; those on the preparation of a scan only if verbose or if it failed."""
+    if verbose or not result.ok:
+        return list(result.notes)
+    return [note for note in result.notes if not note.startswith(("source: ", "target: "))]
 
 
 def _candidates(result: "RegistrationResult") -> str:

@@ -94,13 +94,15 @@ def register(
     InvalidInput
         A scan of the wrong shape or type or without a finite point, an unknown method, a scan
         prepared by another method, an initial pose that is not a rigid motion, or
-        ``fix_degenerate`` without a prior or an initial pose.
+        ``fix_degenerate`` without verification or without a prior or an initial pose.
     """
     begin = time.perf_counter()
     name, chosen = _method(method, source, target)
     start, notes = _initial_pose(initial)
     if fix_degenerate and prior is None and start is None:
         raise InvalidInput("fix_degenerate needs the pose to keep: give prior or initial")
+    if fix_degenerate and not verify:
+        raise InvalidInput("fix_degenerate needs the verification: leave out verify=False")
     Constraints(dof=dof)  # raises for an unknown value before any work
     estimator = (
         CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance

@@ -157,7 +157,7 @@ class RegistrationResult:
             "method": self.method,
             "target_from_source": self.target_from_source.matrix.tolist(),
             **self.origins.as_dict(self.target_from_source),
-            "probability": self.probability,
+            "probability": _number(self.probability),
             "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
             "directions": [
                 {
@@ -195,7 +195,7 @@ class RegistrationResult:
     def __repr__(self) -> str:
         metres, degrees = self._motion()
         return (
-            f"Registration(status={self.status.value}, method={self.method}, "
+            f"RegistrationResult(status={self.status.value}, method={self.method}, "
             f"moved={metres:.3f} m {degrees:.2f} deg, "
             f"probability={self.probability:.3f}, overlap={self.overlap:.2f}, "
             f"score={self.score:.2f}, evaluations={self.evaluations}, "

@@ -54,9 +54,6 @@ _FULL_COUNT = 40.0
 _FLAT_WEIGHT = 1e-3
 """Weight of cells without an object."""
 
-_SHOWN_SHARE = 97.0
-"""Percentile of the coordinates at which a view ends; a few points are far away."""
-
 _METADATA: dict[str, dict[str, Any]] = {
     "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
     "png": {"Software": None},
@@ -111,10 +108,13 @@ def downsampled_rows(count: int) -> Labels:
     return np.arange(0, count, max(1, -(-count // _MAX_POINTS)))
 
 
-def window_around(*views: Matrix) -> tuple[Vector, float]:
-    """Return centre and half side [m] of a square around nearly all (n, 2) points."""
+def window_around(*views: Matrix, percentile: float = 97.0) -> tuple[Vector, float]:
+    """Return centre and half side [m] of a square around most (n, 2) points.
+
+    The square ends at a percentile of the coordinates; a few points are far away.
+    """
     points = np.concatenate([view for view in views if len(view)] or [np.zeros((1, 2))])
-    low, high = np.percentile(points, [100.0 - _SHOWN_SHARE, _SHOWN_SHARE], axis=0)
+    low, high = np.percentile(points, [100.0 - percentile, percentile], axis=0)
     half = 0.5 * float((high - low).max())
     return 0.5 * (low + high), max(1.08 * half, 1.0)
 

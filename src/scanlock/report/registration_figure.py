@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 _CLOSE_UP = 0.22
 """Ratio of the side of the close-up to that of the whole view."""
 
+_MIDDLE = 94.0
+"""Percentile of the coordinates at which a view without close-up ends."""
+
 
 def registration_figure(
     target: ArrayLike | PointCloud,
@@ -40,8 +43,9 @@ def registration_figure(
     *,
     initial: Pose | None = None,
     truth: Pose | None = None,
+    close_up: bool = True,
 ) -> "Figure":
-    """Return a figure of two scans before and after registration.
+    """Return a figure of two scans from above, before and after registration.
 
     Ground points are omitted, because their rings cover the other points.
 
@@ -55,6 +59,9 @@ def registration_figure(
         Initial pose of the source; the identity by default.
     truth : Pose, optional
         True target_from_source; adds the error to the title.
+    close_up : bool
+        Whether to add a row of close-ups. Without it the view is limited to the middle of the
+        scans.
 
     Raises
     ------
@@ -63,7 +70,7 @@ def registration_figure(
     InvalidInput
         A scan has the wrong shape or type, or no finite point.
     """
-    figure = blank_figure(9.0, 9.8)
+    figure = blank_figure(9.0, 9.8 if close_up else 5.4)
     clouds = PointCloud.from_array(target, "target"), PointCloud.from_array(source, "source")
     origins = LocalOrigins.of_clouds(*clouds)
     target_points, source_points = (_obstacles(cloud) for cloud in clouds)
@@ -71,19 +78,24 @@ def registration_figure(
         origins.local(pose).apply(source_points)
         for pose in (initial or Pose.identity(), result.target_from_source)
     )
-    centre, half = window_around(target_points[:, :2], end[:, :2])
-    side = 2.0 * half * _CLOSE_UP
-    corner = close_up_corner([target_points, end], centre, half, side)
+    centre, half = window_around(
+        target_points[:, :2], end[:, :2], percentile=97.0 if close_up else _MIDDLE
+    )
     figure.suptitle(
         _title(result, truth), fontsize=12, linespacing=1.5, color=INK if result.ok else ALARM
     )
     legend_below(figure, {"target": BLUE, "source": VERMILION})
-    axes = figure.subplots(2, 2)
+    axes = figure.subplots(2 if close_up else 1, 2, squeeze=False)
+    for view, name, points in zip(axes[0], ("before", "after"), (start, end), strict=True):
+        overlay(view, target_points, points, 0.6 if close_up else 1.5)
+        set_map_view(view, centre, half, ("" if close_up else "x [m]", "y [m]"))
+        view.set_title(name, fontsize=11, color=INK)
+    if not close_up:
+        return figure
+    side = 2.0 * half * _CLOSE_UP
+    corner = close_up_corner([target_points, end], centre, half, side)
     for column, (name, points) in enumerate((("before", start), ("after", end))):
         whole, close = axes[:, column]
-        overlay(whole, target_points, points, 0.6)
-        set_map_view(whole, centre, half, ("", "y [m]"))
-        whole.set_title(name, fontsize=11, color=INK)
         draw_frame(whole, corner, side)
         overlay(close, target_points, points, 2.5)
         set_map_view(close, corner + 0.5 * side, 0.5 * side, ("x [m]", "y [m]"))

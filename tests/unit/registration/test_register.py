@@ -1,3 +1,4 @@
+import json
 import math
 
 import numpy as np
@@ -88,6 +89,12 @@ def test_without_verification_the_pose_is_unverified(scan):
     assert not {"features", "verification"} & set(result.timings)
     checked = register(source=scan, target=scan, method="gicp")
     assert checked.target_from_source == result.target_from_source
+    assert json.loads(result.to_json())["probability"] is None
+
+
+def test_degenerate_directions_are_not_fixed_without_verification(scan):
+    with pytest.raises(InvalidInput, match="leave out verify=False"):
+        register(source=scan, target=scan, initial=np.eye(4), fix_degenerate=True, verify=False)
 
 
 def test_without_verification_a_scan_without_clusters_can_be_registered():

@@ -126,7 +126,8 @@ def compare(
     Parameters
     ----------
     scans : Path
-        Two scan files or more, each registered to the one before; or one folder of scans.
+        Two scan files or more, or one folder of scans. Each scan is the source, the one before
+        it the target.
     methods : str
         Registration methods; all by default.
     settings : Path

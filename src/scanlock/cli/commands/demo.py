@@ -84,7 +84,11 @@ def _write(folder: Path, pair: "SimulatedPair", result: "RegistrationResult") ->
     except MissingExtra as missing:
         return [f"wrote {names} to {folder}", f"no picture: {missing}"]
     figure = registration_figure(
-        pair.target.points, pair.source.points, result, truth=pair.target_from_source
+        pair.target.points,
+        pair.source.points,
+        result,
+        truth=pair.target_from_source,
+        close_up=False,
     )
     save_figure(folder / "picture.png", figure)
     return [f"wrote {names} and picture.png to {folder}"]

@@ -42,12 +42,16 @@ def staged_solvers(solver: Solver, tolerances: Sequence[float]) -> list[Solver]:
     tolerances : sequence of float [m]
         Step tolerance of each stage, raised to that of the solver; the last one is not used.
     """
-    return [*(with_tolerance(solver, step) for step in tolerances[:-1]), solver]
-
-
-def with_tolerance(solver: Solver, step: float) -> Solver:
-    """Return the solver with a step tolerance of at least `step` [m]."""
     criteria = solver.criteria
-    return replace(
-        solver, criteria=replace(criteria, step_tolerance=max(criteria.step_tolerance, step))
-    )
+    return [
+        replace(solver, criteria=replace(criteria, step_tolerance=step))
+        for step in stage_tolerances(criteria.step_tolerance, tolerances)
+    ]
+
+
+def stage_tolerances(tolerance: float, coarse: Sequence[float]) -> list[float]:
+    """Return the step tolerance of each stage [m]: `tolerance` for the last, a coarse one before.
+
+    The tolerance of an earlier stage is that in `coarse`, but at least `tolerance`.
+    """
+    return [*(max(tolerance, step) for step in coarse[:-1]), tolerance]

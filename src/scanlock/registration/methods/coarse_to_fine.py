@@ -16,7 +16,7 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import with_tolerance
+from scanlock.optimisation.solvers.staged import staged_solvers
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -73,7 +73,7 @@ class CoarseToFine:
     """Solver at each scale."""
 
     coarse_tolerance: float = 0.01
-    """Step tolerance of a smoothed scale as a fraction of its smoothing."""
+    """Step tolerance of all scales but the last, as a fraction of their smoothing."""
 
     def __post_init__(self) -> None:
         for name, values in (
@@ -107,8 +107,7 @@ class CoarseToFine:
                     solutions.append(solution)
         best = min(solutions, key=lambda one: one.quadratic.value)
         pose = start if best.reason is StopReason.EMPTY_OBJECTIVE else best.pose
-        last_objective = objective_at(len(self.scales) - 1)
-        return replace(best, pose=pose, history=tuple(history), objective=last_objective)
+        return replace(best, pose=pose, history=tuple(history))
 
     def _refine(
         self,
@@ -123,24 +122,21 @@ class CoarseToFine:
         scale index and pose of each minimum are appended to `minima`.
         """
         solution, history, own_minima = None, list[Iteration](), list[tuple[int, Pose]]()
+        solvers = staged_solvers(
+            self.solver, [self.coarse_tolerance * scale.smoothing for scale in self.scales]
+        )
         for index in range(first, len(self.scales)):
-            tolerance = self.coarse_tolerance * self.scales[index].smoothing
-            solver = with_tolerance(self.solver, tolerance)
+            solver = solvers[index]
             solution = solver.minimise(objective_at(index), start)
             history += solution.history
             start = solution.pose
             # Each of the two stopped within one step of the minimum.
             same = 2.0 * solver.criteria.step_tolerance
             if any(
-                at == index and _distance(start, pose, solver.rotation_scale) <= same
+                at == index and start.scaled_distance(pose, solver.rotation_scale) <= same
                 for at, pose in minima
             ):
                 return None, history
             own_minima.append((index, start))
         minima += own_minima
         return solution, history
-
-
-def _distance(one: Pose, other: Pose, rotation_scale: float) -> float:
-    translation, rotation = one.distance(other)
-    return translation + rotation_scale * rotation

@@ -17,9 +17,10 @@ from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constrai
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians, ScoreShape
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
+from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import Stage, minimise_staged, with_tolerance
+from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
 from scanlock.registration.methods.scales import MIN_COVERAGE
 from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
@@ -117,20 +118,20 @@ class FineNdt:
         cell_size = max(target.cell_size, source.cell_size)
         target, source = self._with_size(target, cell_size), self._with_size(source, cell_size)
 
-        def stage(shape: ScoreShape, is_last: bool) -> Stage:
-            objective = GaussiansToGaussians(
+        def objective(shape: ScoreShape, is_last: bool) -> Objective:
+            score = GaussiansToGaussians(
                 target=target.gaussians if is_last else target.first_grid,
                 source=source.gaussians if is_last else source.first_grid,
                 shape=shape,
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,
             )
-            solver = self.solver if is_last else with_tolerance(self.solver, self.coarse_tolerance)
-            return solver, constraints.applied_to(objective)
+            return constraints.applied_to(score)
 
         *first, last = self.shapes
-        stages = [*(stage(shape, False) for shape in first), stage(last, True)]
-        return minimise_staged(stages, start)
+        objectives = [*(objective(shape, False) for shape in first), objective(last, True)]
+        solvers = staged_solvers(self.solver, [self.coarse_tolerance] * len(objectives))
+        return minimise_staged(zip(solvers, objectives, strict=True), start)
 
     def _with_size(self, scan: FineNdtScan, cell_size: float) -> FineNdtScan:
         return scan if scan.cell_size == cell_size else self._scan(scan.points, cell_size)

@@ -20,6 +20,7 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
+from scanlock.optimisation.solvers.staged import stage_tolerances
 from scanlock.registration.methods.correspondences import (
     MIN_CORRESPONDENCES,
     Correspondences,
@@ -164,8 +165,11 @@ class Gicp(Method[SurfaceScan]):
         start = start or Pose.identity()
         *coarse, finest = cached_stages(target.stages)
         pose, history, notes = start, list[Iteration](), tuple[str, ...]()
-        for stage in coarse:
-            tolerance = max(self.step_tolerance, self.coarse_tolerance * stage.scale)
+        scales = [stage.scale for stage in (*coarse, finest)]
+        tolerances = stage_tolerances(
+            self.step_tolerance, [self.coarse_tolerance * scale for scale in scales]
+        )
+        for stage, tolerance in zip(coarse, tolerances, strict=False):
             solution = self._refine(stage, source, pose, constraints, tolerance)
             history.extend(solution.history)
             pose = solution.pose

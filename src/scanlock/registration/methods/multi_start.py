@@ -1,7 +1,7 @@
 """Multi-start refinement: D2D from many hypotheses, the worse ones dropped after each scale."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.pose import Pose
@@ -13,7 +13,7 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import with_tolerance
+from scanlock.optimisation.solvers.staged import staged_solvers
 from scanlock.registration.methods.coarse_to_fine import Scale
 from scanlock.registration.search.hypothesis import Hypothesis, distinct_rows
 
@@ -58,7 +58,7 @@ class MultiStart:
     """Solver at each scale. After a Newton step of 5 mm the remaining error is below 1 mm."""
 
     coarse_tolerance: float = 0.01
-    """Step tolerance of a smoothed scale as a fraction of its smoothing."""
+    """Step tolerance of all scales but the last, as a fraction of their smoothing."""
 
     min_score_ratio: float = 0.4
     """Minimum score of a hypothesis after each scale as a fraction of the best score."""
@@ -109,13 +109,14 @@ class MultiStart:
         history: list[Iteration] = []
         starts = [(one.proposed_by, one.pose) for one in hypotheses]
         refined: list[RefinedHypothesis] = []
-        for scale, target_set, source_set in zip(self.scales, target, source, strict=True):
+        tolerances = [self.coarse_tolerance * scale.smoothing for scale in self.scales]
+        solvers = staged_solvers(self.solver, tolerances)
+        stages = zip(self.scales, solvers, target, source, strict=True)
+        for scale, solver, target_set, source_set in stages:
             objective = constraints.applied_to(self._objective(scale, target_set, source_set))
-            solver = with_tolerance(self.solver, self.coarse_tolerance * scale.smoothing)
             refined = [
                 RefinedHypothesis(
-                    proposed_by=proposed_by,
-                    solution=replace(solver.minimise(objective, pose), objective=objective),
+                    proposed_by=proposed_by, solution=solver.minimise(objective, pose)
                 )
                 for proposed_by, pose in starts
             ]

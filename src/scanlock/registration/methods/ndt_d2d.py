@@ -20,13 +20,12 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import minimise_staged
+from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
 from scanlock.registration.methods.protocol import Method, PreparationLog
 from scanlock.registration.methods.scales import (
     GaussianScan,
     dense_scales,
     require_coarse_to_fine,
-    stage_solvers,
 )
 from scanlock.registration.methods.voxel_scan import prepare_voxels
 
@@ -119,7 +118,7 @@ class NdtD2d(Method[GaussianScan]):
         """Minimise the score over the pose at each dense cell size, coarse to fine."""
         scales = dense_scales(target, source)
         sizes = [target.voxels[scale].size for scale in scales]
-        solvers = stage_solvers(self.solver, sizes, self.coarse_tolerance)
+        solvers = staged_solvers(self.solver, [self.coarse_tolerance * size for size in sizes])
         objectives = (
             constraints.applied_to(self._objective(target, source, scale)) for scale in scales
         )

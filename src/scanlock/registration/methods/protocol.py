@@ -82,8 +82,8 @@ class Method(Protocol[_Data]):
         A covariance is estimated from one pair of scans. It does not include errors that are common
         to the whole pair, such as those of the sampling pattern. The built-in methods were
         calibrated on simulated pairs of streets, forests and rugged ground, 1 to 5 m apart, by
-        ``benchmarks/uncertainty.py``: the factor is the root of a sixth of the mean squared
-        normalised error, which is 6 for a correct covariance.
+        ``python -m benchmarks.uncertainty.covariance --calibrate``: the factor is the square root
+        of a sixth of the mean normalised squared error, which is 6 for a correct covariance.
         """
         return 1.0
 

@@ -1,4 +1,4 @@
-"""Coarse-to-fine schedules of Gaussians: prepared scans, usable scales and stage tolerances."""
+"""Coarse-to-fine schedules of Gaussians: prepared scans and usable scales."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,8 +7,6 @@ from scanlock.arrays import Points, frozen
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGaussians
-from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import with_tolerance
 from scanlock.registration.methods.protocol import InsufficientData
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 
@@ -78,24 +76,6 @@ def dense_scales(*scans: GaussianScan) -> list[int]:
         if count >= MIN_GAUSSIANS and ratio >= MIN_COVERAGE
     ]
     return dense or [max(range(len(counts)), key=lambda scale: counts[scale])]
-
-
-def stage_solvers(
-    solver: Solver, sizes: Sequence[float], coarse_tolerance: float
-) -> tuple[Solver, ...]:
-    """Return the solver of each stage of a coarse-to-fine schedule.
-
-    Parameters
-    ----------
-    solver : Solver
-        Solver of the last stage.
-    sizes : sequence of float [m]
-        Size of the Gaussians at each stage.
-    coarse_tolerance : float
-        Step tolerance of all stages but the last, as a ratio of their size.
-    """
-    coarse = (with_tolerance(solver, coarse_tolerance * size) for size in sizes[:-1])
-    return (*coarse, solver)
 
 
 def require_coarse_to_fine(name: str, sizes: Sequence[float]) -> None:

@@ -58,7 +58,7 @@ class SgcNdt(Method[ClusterGaussians]):
 
     @property
     def covariance_factor(self) -> float:
-        """Ratio of actual to estimated deviations, measured by `benchmarks/uncertainty.py`."""
+        """Ratio of actual to estimated deviations, see `Method.covariance_factor`."""
         return 1.16 if self.score == "d2d" else 1.11
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> ClusterGaussians:

@@ -30,8 +30,8 @@ class PoseCovariance:
         Estimated pose, target from source, between the caller's frames.
     reference_point : (3,) [m]
         Point of the source, in the caller's coordinates, to which the translation error refers.
-        It is zero, the sensor, for a scan in its sensor's frame, and the centroid of the source
-        for coordinates far from zero.
+        It is zero, the sensor, for a scan in its sensor's frame, and the origin of the source's
+        local frame, near its centroid, for coordinates far from zero.
     method : str
         Method of the estimate: "sandwich", "hessian" or "sampled".
     blocks : float

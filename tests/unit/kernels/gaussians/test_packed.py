@@ -27,7 +27,7 @@ def test_a_singular_matrix_has_no_finite_inverse():
     assert not np.isfinite(packed_inverses(_packed(flat))).all()
 
 
-def test_turned_covariances():
+def test_rotated_covariances_match_the_definition():
     matrices = _matrices(1)
     rotation = exp_rotation(np.array([0.3, -1.2, 0.8]))
     rotated = unpacked(packed_rotated(_packed(matrices), read_only(rotation)))

@@ -5,7 +5,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers, with_tolerance
+from scanlock.optimisation.solvers.staged import minimise_staged, stage_tolerances, staged_solvers
 
 
 class _Bowl:
@@ -60,18 +60,15 @@ def test_the_start_is_returned_unchanged_where_all_stages_are_empty():
     assert len(found.history) == 2
 
 
-def test_a_tolerance_is_raised_and_never_lowered():
-    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=7))
-    assert with_tolerance(solver, 0.1).criteria == ConvergenceCriteria(
-        step_tolerance=0.1, max_iterations=7
-    )
-    assert with_tolerance(solver, 1e-6) == solver
+def test_coarse_tolerances_do_not_go_below_that_of_the_last_stage():
+    assert stage_tolerances(1e-3, [0.1, 1e-6, 0.1]) == [0.1, 1e-3, 1e-3]
+    assert stage_tolerances(1e-3, [0.1]) == [1e-3]
 
 
 def test_the_last_stage_has_the_tolerance_of_the_solver():
-    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
+    solver = Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3, max_iterations=7))
     first, second, last = staged_solvers(solver, [0.1, 1e-6, 0.1])
-    assert first == with_tolerance(solver, 0.1)
+    assert first.criteria == ConvergenceCriteria(step_tolerance=0.1, max_iterations=7)
     assert second == solver
-    assert last is solver
+    assert last == solver
     assert staged_solvers(solver, [0.1]) == [solver]

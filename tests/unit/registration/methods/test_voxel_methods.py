@@ -15,7 +15,7 @@ from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
-from scanlock.registration.methods.scales import dense_scales, stage_solvers
+from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import measured_points
 
 _NEAR = yaw_pose(0.02, (0.3, -0.2, 0.05))
@@ -112,17 +112,6 @@ def test_the_size_with_most_gaussians_is_used_if_all_have_low_coverage():
     scan = Ndt(cell_sizes=(1.0, 0.5)).prepare(PointCloud.from_array(street(1)))
     assert max(scan.coverage) < 0.6
     assert dense_scales(scan) == dense_scales(scan, scan) == [0]
-
-
-def test_all_stages_but_the_last_have_the_coarse_tolerance():
-    solver = LevenbergMarquardt()
-    solvers = stage_solvers(solver, [8.0, 2.0, 1e-9, 1.0], 0.01)
-    tolerances = [one.criteria.step_tolerance for one in solvers]
-    # A coarse tolerance below that of the solver has no effect.
-    finest = solver.criteria.step_tolerance
-    assert tolerances == [0.08, 0.02, finest, finest]
-    assert solvers[-1] == solver
-    assert stage_solvers(solver, [1.0], 0.01) == (solver,)
 
 
 def test_points_at_zero_are_removed_in_a_sensor_frame_only():
