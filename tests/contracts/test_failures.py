@@ -1,4 +1,4 @@
-"""How every method ends where there is no right pose."""
+"""Results of every method for scans without a correct pose."""
 
 import json
 import math
@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from contracts.traits import METRES, TRAITS, gap, motion, source, target
+from contracts.traits import METRES, TRAITS, max_point_distance, motion, source, target
 from reference.pairs import register_pair
 from reference.samples import street, yaw_pose
 from scanlock.geometry.pose import Pose
@@ -17,16 +17,16 @@ from scanlock.registration.verification.status import Status
 pytestmark = pytest.mark.parametrize("method", METHODS)
 
 
-def _heaps(centres):
+def _blobs(centres):
     rng = np.random.default_rng(0)
     return np.concatenate([c + rng.normal(0.0, 0.05, (30, 3)) for c in np.array(centres)])
 
 
-def _unlike_heaps():
-    """Three heaps a scan that meet when blurred, but not when sharp."""
+def _different_blobs():
+    """Three blobs per scan that overlap only when smoothed."""
     target = [[-5.0, -10.0, 0.0], [9.0, -8.0, -1.0], [-3.0, -9.0, -1.0]]
     source = [[2.0, -6.0, 1.0], [-9.0, 13.0, 0.0], [-12.0, 4.0, 1.0]]
-    return _heaps(source), _heaps(target)
+    return _blobs(source), _blobs(target)
 
 
 def _ground(seed):
@@ -44,13 +44,13 @@ _FEATURELESS = {
 
 
 def _corridor(seed, count=6000):
-    """What an endless corridor looks like from anywhere in it."""
+    """Points of an endless corridor."""
     rng = np.random.default_rng(seed)
     along = rng.uniform(-40.0, 40.0, count)
     side = rng.choice([-2.0, 2.0], count)
     across, height = side.copy(), rng.uniform(0.0, 3.0, count)
-    floor = rng.random(count) < 1 / 3
-    across[floor], height[floor] = rng.uniform(-2.0, 2.0, floor.sum()), 0.0
+    is_ground = rng.random(count) < 1 / 3
+    across[is_ground], height[is_ground] = rng.uniform(-2.0, 2.0, is_ground.sum()), 0.0
     points = np.column_stack([along, across, height - 1.5])
     return points + rng.normal(0.0, 0.02, points.shape)
 
@@ -67,13 +67,16 @@ def _wall(seed):
     )
 
 
-def test_scans_out_of_reach_return_the_initial_pose(method):
+def test_scans_without_overlap_return_the_initial_pose(method):
     initial = yaw_pose(0.3, (500.0, 20.0, 0.0))
     found = register(source=source(method), target=target(), method=method, initial=initial)
     if TRAITS[method].searches:
-        # What an initial pose says is no more than a guess.
+        # A global search recovers from a wrong initial pose.
         assert found.status is Status.OK
-        assert gap(found.target_from_source, motion(method), source(method)) < 2 * METRES
+        assert (
+            max_point_distance(found.target_from_source, motion(method), source(method))
+            < 2 * METRES
+        )
         return
     assert found.status is not Status.OK
     if TRAITS[method].is_bounded:
@@ -82,11 +85,11 @@ def test_scans_out_of_reach_return_the_initial_pose(method):
         assert found.overlap == 0.0
 
 
-def test_no_support_always_means_the_initial_pose(method):
-    found = register_pair(_unlike_heaps(), method=method)
+def test_no_correspondences_means_the_initial_pose(method):
+    found = register_pair(_different_blobs(), method=method)
     assert not found.ok
-    is_untouched = found.status is Status.NO_CORRESPONDENCES
-    assert (found.target_from_source == Pose.identity()) == is_untouched
+    is_empty = found.status is Status.NO_CORRESPONDENCES
+    assert (found.target_from_source == Pose.identity()) == is_empty
 
 
 @pytest.mark.parametrize("scan", _FEATURELESS)
@@ -94,16 +97,16 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
     initial = yaw_pose(0.3, (1.0, 2.0, 0.0))
     featureless = _FEATURELESS[scan]
     if scan == "bare ground" and TRAITS[method].uses_ground:
-        # It holds the height, roll and pitch, and nothing else.
+        # Bare ground constrains height, roll and pitch only.
         both = register(source=featureless, target=_ground(1), method=method, initial=initial)
         assert both.status is not Status.OK
         return
-    for scene, reference, role in (
+    for source_points, target_points, role in (
         (featureless, target(), "source"),
         (source(method), featureless, "target"),
         (featureless, featureless, "target"),
     ):
-        found = register(source=scene, target=reference, method=method, initial=initial)
+        found = register(source=source_points, target=target_points, method=method, initial=initial)
         assert found.status is Status.NO_CORRESPONDENCES
         assert role in found.reason
         assert found.target_from_source == initial
@@ -114,7 +117,7 @@ def test_scans_without_features_return_the_initial_pose(method, scan):
 
 
 @pytest.mark.parametrize("layout", range(4))
-def test_scans_of_other_places_are_not_trusted(method, layout):
+def test_scans_of_different_places_are_not_trusted(method, layout):
     other = street(2, 4000, layout=100 + layout)
     found = register(source=other, target=target(), method=method)
     assert found.status is not Status.OK
@@ -123,29 +126,28 @@ def test_scans_of_other_places_are_not_trusted(method, layout):
 
 
 @pytest.mark.parametrize("scene", [_corridor, _line, _wall], ids=["corridor", "line", "wall"])
-def test_scenes_that_slide_along_themselves_are_not_trusted(method, scene):
-    # The scans are alike wherever they were taken: along the scene no pose can be known, so
-    # whatever is returned must not be called OK.
+def test_scenes_invariant_to_a_translation_are_not_trusted(method, scene):
+    # The scans are equal from every position along the scene, so no pose along it is correct.
     assert register(source=scene(1), target=scene(2), method=method).status is not Status.OK
 
 
 @pytest.mark.parametrize("name", ["corridor", "wall"])
-def test_the_direction_along_which_a_scene_slides_is_named(method, name):
+def test_the_unconstrained_translation_is_degenerate_and_named(method, name):
     scene = {"corridor": _corridor, "wall": _wall}[name]
-    turned = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
-    found = register(source=turned, target=turned, method=method)
+    rotated = yaw_pose(0.5, (0.0, 0.0, 0.0)).apply(scene(1))
+    found = register(source=rotated, target=rotated, method=method)
     assert found.status is Status.DEGENERATE
-    weak = [one for one in found.degenerate_directions if one.kind == "translation"]
-    assert str(weak[0]) in found.reason
-    # A wall slides along itself any way; the floor of a corridor leaves but one.
-    for x, y, z in (one.axis for one in weak):
+    degenerate = [one for one in found.degenerate_directions if one.kind == "translation"]
+    assert str(degenerate[0]) in found.reason
+    # A wall is invariant to two translations; the ground of a corridor constrains one of them.
+    for x, y, z in (one.axis for one in degenerate):
         assert abs(y * np.cos(0.5) - x * np.sin(0.5)) < 0.1
         assert name == "wall" or abs(z) < 0.1
 
 
-def test_poses_are_finite_however_a_registration_ends(method):
-    scans = [*_FEATURELESS.values(), _line(1), _wall(1), *_unlike_heaps(), target()]
+def test_poses_are_finite_for_every_status(method):
+    scans = [*_FEATURELESS.values(), _line(1), _wall(1), *_different_blobs(), target()]
     for scan in scans:
-        found = register(source=scan, target=_unlike_heaps()[1], method=method)
+        found = register(source=scan, target=_different_blobs()[1], method=method)
         assert np.isfinite(found.target_from_source.matrix).all()
         assert json.loads(found.to_json())["status"] == found.status.value

@@ -1,4 +1,4 @@
-"""Settings are values, and every kernel is compiled for one signature."""
+"""Settings are values, and every kernel has one compiled signature."""
 
 import os
 import pickle
@@ -35,7 +35,7 @@ def test_settings_compare_by_value_and_are_frozen(method):
     ).target_from_source == (result(method).target_from_source)
 
 
-def test_prepared_data_serves_as_target_and_as_source(method):
+def test_prepared_data_can_be_used_as_target_and_as_source(method):
     settings = METHODS[method]
     first, second = (
         settings.prepare(PointCloud.from_array(scan)) for scan in (target(), source(method))
@@ -54,7 +54,7 @@ def test_an_unknown_method_is_refused_with_the_known_names(method):
         register(source=source(method), target=target(), method="icp-of-old")
 
 
-_EVERY_LAYOUT = """
+_ALL_LAYOUTS = """
 import importlib, pkgutil, sys
 import numpy as np
 import scanlock, scanlock.kernels
@@ -82,10 +82,10 @@ for info in pkgutil.walk_packages(scanlock.kernels.__path__, root):
 """
 
 
-def test_every_kernel_is_compiled_for_one_signature(method):
+def test_every_kernel_has_one_compiled_signature(method):
     # In a separate process: other tests call kernels with further array layouts.
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", _EVERY_LAYOUT, method],
+        [sys.executable, "-W", "error", "-c", _ALL_LAYOUTS, method],
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(_TESTS), *_PYTHONPATH])},
         capture_output=True,
         text=True,

@@ -1,4 +1,4 @@
-"""A hundred threads, eight processes, hundreds of calls: the bytes of one, and flat memory."""
+"""Hundreds of concurrent calls: results identical to one call, and constant memory."""
 
 import gc
 import multiprocessing
@@ -18,17 +18,17 @@ from scanlock.registration.register import register
 _METHODS = ("auto", "sgc-ndt-d2d", "gicp", "icp", "ndt")
 
 
-def _told(method):
+def _result_bytes(method):
     found = register(source=source(method), target=target(), method=method)
     numbers = np.array([*astuple(found.metrics), found.probability])
     return found.target_from_source.matrix.tobytes() + numbers.tobytes()
 
 
-def test_a_hundred_threads_at_once_give_the_bytes_of_one():
-    alone = {method: _told(method) for method in _METHODS}
+def test_a_hundred_threads_give_identical_results():
+    alone = {method: _result_bytes(method) for method in _METHODS}
     jobs = [_METHODS[k % len(_METHODS)] for k in range(200)]
     with ThreadPoolExecutor(100) as pool:
-        for method, found in zip(jobs, pool.map(_told, jobs), strict=True):
+        for method, found in zip(jobs, pool.map(_result_bytes, jobs), strict=True):
             assert found == alone[method]
 
 
@@ -36,17 +36,17 @@ def test_a_hundred_threads_at_once_give_the_bytes_of_one():
     "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
 )
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
-def test_eight_processes_at_once_give_the_bytes_of_one():
-    alone = {method: _told(method) for method in _METHODS}
+def test_eight_processes_give_identical_results():
+    alone = {method: _result_bytes(method) for method in _METHODS}
     jobs = [_METHODS[k % len(_METHODS)] for k in range(80)]
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(8, mp_context=context) as pool:
-        for method, found in zip(jobs, pool.map(_told, jobs), strict=True):
+        for method, found in zip(jobs, pool.map(_result_bytes, jobs), strict=True):
             assert found == alone[method]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="reads memory as Linux tells it")
-def test_memory_is_flat_over_hundreds_of_registrations():
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_does_not_grow_over_hundreds_of_registrations():
     scans = street(1, 3000), street(2, 3000)
 
     def used_after(count):
@@ -56,5 +56,5 @@ def test_memory_is_flat_over_hundreds_of_registrations():
         return 4096 * int(Path("/proc/self/statm").read_text().split()[1])
 
     before = used_after(100)
-    # One scan kept by each call would be 36 times as much.
+    # A leak of one scan per call would be 36 times as much.
     assert used_after(300) - before < 300 * 2000

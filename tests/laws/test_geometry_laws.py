@@ -87,8 +87,8 @@ def test_exp_inverts_log_and_the_angle_is_at_most_pi(vector):
 @given(_vectors_of_rotation(), _vectors_of_rotation())
 def test_the_logarithm_rotates_with_the_frame(vector, frame):
     rotation, turn = exp_rotation(vector), exp_rotation(frame)
-    turned = turn @ rotation @ turn.T
-    np.testing.assert_allclose(exp_rotation(turn @ log_rotation(rotation)), turned, atol=1e-13)
+    rotated = turn @ rotation @ turn.T
+    np.testing.assert_allclose(exp_rotation(turn @ log_rotation(rotation)), rotated, atol=1e-13)
 
 
 @given(_poses())

@@ -129,9 +129,9 @@ def test_damaged_files_are_read_or_raise_a_format_error(folder, name, encoding, 
     _, content = _example(path, encoding)
     damaged = bytearray(content)
     for _ in range(data.draw(st.integers(1, 3))):
-        place = data.draw(st.integers(0, len(damaged) - 1))
-        kept = data.draw(st.integers(0, 3))
-        damaged[place : place + 2 - kept] = data.draw(st.binary(max_size=3))
+        offset = data.draw(st.integers(0, len(damaged) - 1))
+        remainder = data.draw(st.integers(0, 3))
+        damaged[offset : offset + 2 - remainder] = data.draw(st.binary(max_size=3))
     path.write_bytes(damaged)
     with contextlib.suppress(FormatError):
         assert len(read_scan(path)) > 0

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from reference import differences
 from reference import gaussian_scores as reference
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
@@ -31,7 +31,7 @@ class _Pair:
         self.pose = Pose(rotation, away * rng.uniform(-1.0, 1.0, 3))
         deviations = np.exp(rng.uniform(np.log(smallest), np.log(largest), (7, 3)))
         deviations[::2, 0] = smallest  # as after regularisation: several at the minimum
-        covariances = turned_covariances(rng, deviations**2)
+        covariances = rotated_covariances(rng, deviations**2)
         counts = rng.integers(6, 200, 7)
         means = away * rng.uniform(-1.0, 1.0, 3) + largest * rng.normal(size=(3, 3))
         self.source = Gaussians.from_covariances(means, covariances[:3], counts[:3])
@@ -143,9 +143,9 @@ def test_scores_ignore_a_motion_common_to_both_scans(pair, seed):
     d2d = GaussiansToGaussians(target=target, source=pair.source, shape=pair.shape)
     p2d = PointsToGaussians(target=target, points=pair.points, shape=pair.shape)
     # Turning a covariance of condition 1e4 rounds it by 1e4 units in its last place.
-    for there, here in ((d2d, pair.d2d), (p2d, pair.p2d)):
+    for score_of_moved, score in ((d2d, pair.d2d), (p2d, pair.p2d)):
         np.testing.assert_allclose(
-            there.linearise(moved).value, here.linearise(pair.pose).value, rtol=1e-7
+            score_of_moved.linearise(moved).value, score.linearise(pair.pose).value, rtol=1e-7
         )
 
 

@@ -41,8 +41,8 @@ def p2d_gauss_newton(pose, target, points):
     total = np.zeros((6, 6))
     for y in points @ pose.rotation.T + pose.translation:
         x0, x1, x2 = y
-        turned = np.array([[0.0, -x2, x1], [x2, 0.0, -x0], [-x1, x0, 0.0]])
-        jacobian = np.hstack([np.eye(3), -turned])
+        cross_product = np.array([[0.0, -x2, x1], [x2, 0.0, -x0], [-x1, x0, 0.0]])
+        jacobian = np.hstack([np.eye(3), -cross_product])
         for mean, covariance in zip(target.means, target.covariances, strict=True):
             precision = np.linalg.inv(covariance)
             s = (y - mean) @ precision @ (y - mean)

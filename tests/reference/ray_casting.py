@@ -125,25 +125,25 @@ def height(heights, corner, cell, x, y):
     return float((weights * heights[i : i + 2, j : j + 2]).sum())
 
 
-def ground_crossing(heights, corner, cell, origin, direction, limit):
+def ground_crossing(heights, corner, cell, origin, direction, max_distance):
     """First distance at which a ray crosses the ground; infinity if it never does.
 
     Between two grid lines the height below the ray is a quadratic function of the distance, which
     three samples determine.
     """
-    cuts = [0.0, limit]
+    grid_distances = [0.0, max_distance]
     for axis, count in enumerate(heights.shape):
         if direction[axis] != 0:
             lines = corner[axis] + cell * np.arange(count)
-            cuts.extend((lines - origin[axis]) / direction[axis])
-    cuts = np.unique([t for t in cuts if 0 <= t <= limit])
+            grid_distances.extend((lines - origin[axis]) / direction[axis])
+    grid_distances = np.unique([t for t in grid_distances if 0 <= t <= max_distance])
 
     def height_above(t):
         x, y, z = origin + t * direction
         return z - height(heights, corner, cell, x, y)
 
     ends = cell * (np.array(heights.shape) - 1)
-    for low, high in itertools.pairwise(cuts):
+    for low, high in itertools.pairwise(grid_distances):
         middle = origin + (low + high) / 2 * direction
         if (middle[:2] < corner).any() or (middle[:2] > corner + ends).any():
             continue

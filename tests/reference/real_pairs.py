@@ -37,12 +37,12 @@ def _campus(folder, _):
     return *scans, Pose.from_matrix(np.loadtxt(folder / "T_target_source.txt"))
 
 
-_PLACES = {"street": _street, "forest": _forest, "campus": _campus}
+_READERS = {"street": _street, "forest": _forest, "campus": _campus}
 
 PAIRS = ("street 0_10", "street 20_30", "street 40_50", "forest still", "forest moving", "campus")
 
 
 def real_pair(folder, name):
     """Points of target and source, and the reference pose, of one of `PAIRS`."""
-    place, _, pair = name.partition(" ")
-    return _PLACES[place](folder, pair)
+    data_set, _, pair = name.partition(" ")
+    return _READERS[data_set](folder, pair)

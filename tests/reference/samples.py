@@ -10,7 +10,7 @@ SENSOR_HEIGHT = 1.7
 NOISE = 0.02
 
 
-def turned_covariances(rng, variances):
+def rotated_covariances(rng, variances):
     """Covariances with the given principal variances by row, along random axes."""
     rotations = [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in variances]
     axes = np.array(rotations).reshape(-1, 3, 3)
@@ -18,12 +18,12 @@ def turned_covariances(rng, variances):
     return 0.5 * (full + full.transpose(0, 2, 1))
 
 
-def gaussians(rng, count, *, spread=10.0, least=0.1, most=2.0):
+def gaussians(rng, count, *, half_width=10.0, min_deviation=0.1, max_deviation=2.0):
     """Gaussians with log-uniform deviations and uniform means in a cube."""
-    deviations = np.exp(rng.uniform(np.log(least), np.log(most), (count, 3)))
+    deviations = np.exp(rng.uniform(np.log(min_deviation), np.log(max_deviation), (count, 3)))
     return Gaussians.from_covariances(
-        rng.uniform(-spread, spread, (count, 3)),
-        turned_covariances(rng, deviations**2),
+        rng.uniform(-half_width, half_width, (count, 3)),
+        rotated_covariances(rng, deviations**2),
         rng.integers(1, 300, count),
     )
 
@@ -43,12 +43,14 @@ def street(seed, count=6000, layout=42):
     rng = np.random.default_rng(seed)
     spots = layout.uniform(-30.0, 30.0, (60, 2))
     spots = spots[np.hypot(*spots.T) > 6.0]
-    parts = [_box(rng, layout, spot, count // 28) for spot in spots[:14]]
-    parts += [_pole(rng, spot, count // 133) for spot in spots[14:34]]
-    n = count - sum(map(len, parts))
+    surfaces = [_box(rng, layout, spot, count // 28) for spot in spots[:14]]
+    surfaces += [_pole(rng, spot, count // 133) for spot in spots[14:34]]
+    n = count - sum(map(len, surfaces))
     radius, azimuth = 35.0 * np.sqrt(rng.random(n)), rng.uniform(0.0, 2.0 * np.pi, n)
-    parts.append(np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.zeros(n)]))
-    points = np.concatenate(parts) - [0.0, 0.0, SENSOR_HEIGHT]
+    surfaces.append(
+        np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.zeros(n)])
+    )
+    points = np.concatenate(surfaces) - [0.0, 0.0, SENSOR_HEIGHT]
     return points + rng.normal(0.0, NOISE, points.shape)
 
 

@@ -1,4 +1,4 @@
-"""Benchmark commands start, write their results, and the page of results is up to date."""
+"""Benchmark commands have help, write their results, and the page of results is up to date."""
 
 import importlib
 import json
@@ -66,7 +66,7 @@ def test_a_results_file_names_commit_machine_and_tables(
     }
 
 
-def test_the_page_of_results_is_the_one_that_the_files_give(root_on_path):
+def test_the_page_of_results_matches_the_results_files(root_on_path):
     report = importlib.import_module("benchmarks.report")
     page = _ROOT / "docs" / "benchmarks.md"
     text = page.read_text(encoding="utf-8")
@@ -76,7 +76,7 @@ def test_the_page_of_results_is_the_one_that_the_files_give(root_on_path):
     assert set(re.findall(r"<!-- table: (\S+) -->", text)) == set(report.SECTIONS)
 
 
-def test_files_and_commands_that_the_texts_name_exist():
+def test_files_and_commands_named_in_texts_exist():
     texts = [*_ROOT.glob("*.md"), *_ROOT.glob("docs/**/*.md"), *_ROOT.glob("src/**/*.py")]
     named = {
         name
@@ -93,11 +93,11 @@ def test_files_and_commands_that_the_texts_name_exist():
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
-def test_the_guard_measures_stages_and_warns_of_slower_ones(tmp_path):
+def test_the_guard_times_stages_and_warns_of_slow_ones(tmp_path):
     recorded = tomllib.loads((_FOLDER / "speed" / "guard.toml").read_text())["multiples"]
     slow = "sgc-ndt-d2d, align"
-    never = {name: 1e9 for name in recorded} | {slow: 1e-9}
-    lines = [f'"{name}" = {multiple}' for name, multiple in never.items()]
+    recorded_multiples = {name: 1e9 for name in recorded} | {slow: 1e-9}
+    lines = [f'"{name}" = {multiple}' for name, multiple in recorded_multiples.items()]
     (tmp_path / "recorded.toml").write_text("\n".join(["[multiples]", *lines]))
     done = subprocess.run(
         [

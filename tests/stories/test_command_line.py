@@ -1,4 +1,4 @@
-"""The first five minutes with the command line, as a user has them."""
+"""First use of the command line: demo, register, info and segment."""
 
 import json
 import os
@@ -35,7 +35,7 @@ def demo(tmp_path_factory):
     return folder / "scanlock-demo", _scanlock("demo", cwd=folder)
 
 
-def test_the_demo_registers_a_street_and_draws_it(demo):
+def test_the_demo_registers_a_street_and_draws_a_picture(demo):
     folder, done = demo
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("ok  source onto target\n")
@@ -47,7 +47,7 @@ def test_the_demo_registers_a_street_and_draws_it(demo):
         assert len(line) <= 80 or "scanlock-demo" in line
 
 
-def test_its_files_give_the_same_pose_again(demo):
+def test_the_files_of_the_demo_give_the_same_pose(demo):
     folder, _ = demo
     done = _scanlock(
         "register", folder / "source.ply", folder / "target.ply", "--json", "-o",
@@ -61,7 +61,7 @@ def test_its_files_give_the_same_pose_again(demo):
     )
 
 
-def test_its_scan_can_be_described_and_segmented(demo):
+def test_a_scan_of_the_demo_can_be_described_and_segmented(demo):
     folder, _ = demo
     about = json.loads(_scanlock("info", folder / "source.ply", "--json").stdout)
     done = _scanlock("segment", folder / "source.ply", "-o", folder / "labels.npy")
@@ -72,7 +72,7 @@ def test_its_scan_can_be_described_and_segmented(demo):
     assert 0.2 < (labels == 0).mean() < 0.9
 
 
-def test_scans_of_different_places_exit_with_2_and_a_wrong_file_with_1(demo, tmp_path):
+def test_scans_of_different_places_exit_with_2_and_a_missing_file_with_1(demo, tmp_path):
     folder, _ = demo
     rng = np.random.default_rng(0)
     posts = rng.uniform(-30.0, 30.0, (12, 1, 3)) * [1.0, 1.0, 0.0]
@@ -86,7 +86,7 @@ def test_scans_of_different_places_exit_with_2_and_a_wrong_file_with_1(demo, tmp
 
 
 @pytest.mark.data
-def test_two_scans_of_a_real_drive(scan_data, tmp_path):
+def test_two_scans_of_a_real_drive_are_registered(scan_data, tmp_path):
     drive = scan_data / "kitti_drive_0005"
     scans = [drive / f"velodyne_points/data/{number:010d}.bin" for number in (10, 0)]
     picture, pose = tmp_path / "pair.png", tmp_path / "pose.txt"

@@ -1,4 +1,4 @@
-"""The examples of the documentation and the README, run as they are printed."""
+"""Examples of the documentation and the README, run as printed."""
 
 import doctest
 import importlib
@@ -20,7 +20,7 @@ _PAGES = [
 
 
 @pytest.mark.parametrize("page", _PAGES, ids=lambda page: page.name)
-def test_the_examples_of_a_page_print_what_it_says(page):
+def test_the_examples_of_a_page_print_the_shown_output(page):
     blocks = re.findall(r"^```pycon\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
     session = "\n".join(blocks)
     example = doctest.DocTestParser().get_doctest(session, {}, page.name, str(page), 0)
@@ -31,7 +31,7 @@ def test_the_examples_of_a_page_print_what_it_says(page):
     assert outcome.failed == 0, "".join(report)
 
 
-def test_the_method_of_the_page_runs_as_printed(monkeypatch, tmp_path):
+def test_the_method_of_the_how_to_page_runs(monkeypatch, tmp_path):
     text = (_ROOT / "docs" / "how-to" / "add-a-method.md").read_text("utf-8")
     code = "\n".join(re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE))
     [entry] = re.findall(r"^plane-icp = \"(.*)\"$", text, re.MULTILINE)
@@ -40,7 +40,7 @@ def test_the_method_of_the_page_runs_as_printed(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     page = importlib.import_module("page")
 
-    # An installed package offers it, so the command line knows it too.
+    # The command line finds the method through the entry point of an installed package.
     package = tmp_path / "my_package.py"
     package.write_text("from page import PlaneIcp\n\nPLANE_ICP = PlaneIcp()\n")
     info = tmp_path / "my_package-1.0.dist-info"

@@ -1,4 +1,4 @@
-"""Generalised ICP on real scans ends where small_gicp and Open3D end, from the same start."""
+"""Generalised ICP converges to the poses of small_gicp and Open3D on real scans."""
 
 import math
 
@@ -21,21 +21,21 @@ _WITHIN_A_METRE = NearestNeighbourSearch(max_correspondence_distances=(1.0,))
 _with_each_pair = pytest.mark.parametrize("pair", PAIRS)
 
 
-def _theirs(kept, neighbours):
-    """The points that we thinned to, with the covariances that they estimate."""
-    cloud = small_gicp.PointCloud(np.array(kept.surface.points))
+def _small_gicp_cloud(scan, neighbours):
+    """Points of a prepared scan, with covariances estimated by small_gicp."""
+    cloud = small_gicp.PointCloud(np.array(scan.surface.points))
     tree = small_gicp.KdTree(cloud)
     small_gicp.estimate_covariances(cloud, tree, neighbours)
     return cloud, tree
 
 
-def _to_the_end(*clouds, start, gate):
+def _small_gicp_pose(*clouds, start, max_distance):
     found = small_gicp.align(
         *clouds,
         init_T_target_source=start.matrix,
-        max_correspondence_distance=gate,
+        max_correspondence_distance=max_distance,
         max_iterations=100,
-        # A tenth of what they may differ by; at less it may refuse its last step for rounding.
+        # A tenth of the tolerance; with less, rounding may prevent the last step.
         translation_epsilon=1e-4,
         rotation_epsilon=1e-5,
     )
@@ -45,29 +45,29 @@ def _to_the_end(*clouds, start, gate):
 
 @_with_each_pair
 @pytest.mark.parametrize("neighbours", [10, 20])
-def test_closest_pairs_end_in_the_same_minimum(scan_data, pair, neighbours):
+def test_small_gicp_converges_to_the_same_pose(scan_data, pair, neighbours):
     target, source, truth = real_pair(scan_data, pair)
     method = Gicp(search=_WITHIN_A_METRE, neighbours=neighbours, step_tolerance=1e-5)
-    kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
+    prepared = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
-    ours = method.align(*kept, start)
-    (cloud, tree), (moving, _) = (_theirs(one, neighbours) for one in kept)
-    theirs = _to_the_end(cloud, moving, tree, start=start, gate=1.0)
-    assert ours.reason.is_converged
-    assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
+    solution = method.align(*prepared, start)
+    (cloud, tree), (source_cloud, _) = (_small_gicp_cloud(one, neighbours) for one in prepared)
+    peer_pose = _small_gicp_pose(cloud, source_cloud, tree, start=start, max_distance=1.0)
+    assert solution.reason.is_converged
+    assert solution.pose.is_close(peer_pose, translation=_METRES, rotation=_RADIANS)
 
 
 @_with_each_pair
-def test_open3d_ends_in_the_same_minimum(scan_data, pair):
+def test_open3d_converges_to_the_same_pose(scan_data, pair):
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     registration = open3d.pipelines.registration
     target, source, truth = real_pair(scan_data, pair)
     method = Gicp(search=_WITHIN_A_METRE, step_tolerance=1e-6)
-    kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
+    prepared = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
-    ours = method.align(*kept, start)
+    solution = method.align(*prepared, start)
     clouds = []
-    for one in kept:
+    for one in prepared:
         cloud = open3d.geometry.PointCloud(
             open3d.utility.Vector3dVector(np.array(one.surface.points))
         )
@@ -81,32 +81,32 @@ def test_open3d_ends_in_the_same_minimum(scan_data, pair):
         registration.TransformationEstimationForGeneralizedICP(),
         registration.ICPConvergenceCriteria(1e-15, 1e-15, 500),
     )
-    theirs = Pose.from_matrix(found.transformation)
-    assert ours.reason.is_converged
-    assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
+    peer_pose = Pose.from_matrix(found.transformation)
+    assert solution.reason.is_converged
+    assert solution.pose.is_close(peer_pose, translation=_METRES, rotation=_RADIANS)
 
 
 @_with_each_pair
-def test_voxels_end_in_the_same_minimum(scan_data, pair):
+def test_voxels_of_small_gicp_converge_to_the_same_pose(scan_data, pair):
     target, source, truth = real_pair(scan_data, pair)
     method = Gicp(search=VoxelSearch(voxel_sizes=(1.0,)), step_tolerance=1e-5)
-    kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
+    prepared = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
     start = truth.retract(STEP_AWAY)
-    ours = method.align(*kept, start)
-    (cloud, _), (moving, _) = (_theirs(one, method.neighbours) for one in kept)
+    solution = method.align(*prepared, start)
+    (cloud, _), (source_cloud, _) = (_small_gicp_cloud(one, method.neighbours) for one in prepared)
     voxels = small_gicp.GaussianVoxelMap(1.0)
     voxels.insert(cloud)
-    # No two points of a voxel lie farther apart than its diagonal: this gate leaves out none.
-    theirs = _to_the_end(voxels, moving, start=start, gate=2.0)
-    assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
+    # The diagonal of a voxel is shorter, so this distance rejects no correspondence.
+    peer_pose = _small_gicp_pose(voxels, source_cloud, start=start, max_distance=2.0)
+    assert solution.pose.is_close(peer_pose, translation=_METRES, rotation=_RADIANS)
 
 
 @_with_each_pair
 @pytest.mark.parametrize("method", [Gicp(), Gicp(search=VoxelSearch())], ids=["gicp", "vgicp"])
-def test_from_the_identity_the_trusted_pose_is_found(scan_data, pair, method):
+def test_the_reference_pose_is_found_from_the_identity(scan_data, pair, method):
     target, source, truth = real_pair(scan_data, pair)
-    kept = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
-    solution = method.align(*kept, Pose.identity())
+    prepared = [method.prepare(PointCloud.from_array(scan)) for scan in (target, source)]
+    solution = method.align(*prepared, Pose.identity())
     assert solution.reason.is_converged
-    # The trusted poses are good to 1 to 3 cm, that of the campus to 0.3 degrees.
+    # The reference poses are accurate to 1 to 3 cm, that of the campus to 0.3 degrees.
     assert solution.pose.is_close(truth, translation=0.05, rotation=math.radians(0.5))

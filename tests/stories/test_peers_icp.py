@@ -1,4 +1,4 @@
-"""ICP on real scans ends where small_gicp and Open3D end, from the same points and start."""
+"""ICP converges to the poses of small_gicp and Open3D from the same points and initial pose."""
 
 import math
 
@@ -18,20 +18,22 @@ from scanlock.registration.methods.transform_estimation import TransformEstimati
 pytestmark = pytest.mark.data
 
 _METRES, _RADIANS = 0.001, math.radians(0.005)
-"""How far apart two ends may be. Hardly any differ at all. But pairs change with the pose, and
-where a peer steps differently it can end at another fixed point; of 72 starts each, one of
-small_gicp did, by 0.32 mm and 0.001 degrees, and one of Open3D, by 0.16 mm."""
+"""Maximum difference of two converged poses.
 
-_SAME_METRES, _SAME_RADIANS = 1e-5, 1e-6
-"""How far apart ends may be at one fixed point: by the step at which small_gicp stops."""
+Nearly all are equal. Different steps can lead to another fixed point of the correspondences: of 72
+starts each, one differs by 0.32 mm and 0.001 degrees in small_gicp, and one by 0.16 mm in Open3D.
+"""
+
+_FIXED_POINT_METRES, _FIXED_POINT_RADIANS = 1e-5, 1e-6
+"""Maximum difference at one fixed point: the step tolerance of small_gicp."""
 
 _with_each_pair = pytest.mark.parametrize("pair", PAIRS)
-_with_each_gate = pytest.mark.parametrize("gate", [0.5, 1.0])
+_with_each_distance = pytest.mark.parametrize("max_distance", [0.5, 1.0])
 
 
-def _icp(gate, residual="point-to-point", step="gauss-newton"):
+def _icp(max_distance, residual="point-to-point", step="gauss-newton"):
     return Icp(
-        rejection=FixedRejection(max_correspondence_distance=gate),
+        rejection=FixedRejection(max_correspondence_distance=max_distance),
         estimation=TransformEstimation(algorithm=step, residual=residual),
         criteria=IcpConvergenceCriteria(step_tolerance=1e-8, max_iterations=500),
     )
@@ -39,14 +41,14 @@ def _icp(gate, residual="point-to-point", step="gauss-newton"):
 
 def _prepared(scan_data, pair, method):
     *scans, truth = real_pair(scan_data, pair)
-    kept = [method.prepare(PointCloud.from_array(scan)) for scan in scans]
-    return kept, truth.retract(STEP_AWAY)
+    prepared = [method.prepare(PointCloud.from_array(scan)) for scan in scans]
+    return prepared, truth.retract(STEP_AWAY)
 
 
-def _by_small_gicp(kept, start, gate, kind, neighbours=10):
-    """Where small_gicp ends, and the normals of the target that it estimates."""
+def _by_small_gicp(prepared, start, max_distance, kind, neighbours=10):
+    """Pose of small_gicp, and its normals of the target."""
     small_gicp = pytest.importorskip("small_gicp")
-    target, source = (small_gicp.PointCloud(np.array(one.points)) for one in kept)
+    target, source = (small_gicp.PointCloud(np.array(one.points)) for one in prepared)
     tree = small_gicp.KdTree(target)
     small_gicp.estimate_normals(target, tree, neighbours)
     found = small_gicp.align(
@@ -55,91 +57,96 @@ def _by_small_gicp(kept, start, gate, kind, neighbours=10):
         tree,
         init_T_target_source=start.matrix,
         registration_type=kind,
-        max_correspondence_distance=gate,
+        max_correspondence_distance=max_distance,
         max_iterations=500,
-        translation_epsilon=_SAME_METRES,
-        rotation_epsilon=_SAME_RADIANS,
+        translation_epsilon=_FIXED_POINT_METRES,
+        rotation_epsilon=_FIXED_POINT_RADIANS,
     )
-    # Its flag also falls where rounding alone forbids a last step, so only the count is asked.
+    # Rounding can prevent its last step and so clear `converged`; the count is reliable.
     assert found.iterations < 499
     return Pose.from_matrix(found.T_target_source), target.normals()[:, :3]
 
 
-def _by_open3d(kept, start, gate, kind):
-    """Where Open3D ends, for planes with our normals."""
+def _by_open3d(prepared, start, max_distance, kind):
+    """Pose of Open3D, for planes with the normals of scanlock."""
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     registration = open3d.pipelines.registration
     target, source = (
         open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.array(one.points)))
-        for one in kept
+        for one in prepared
     )
     if kind == "PointToPlane":
-        target.normals = open3d.utility.Vector3dVector(np.array(kept[0].normals))
+        target.normals = open3d.utility.Vector3dVector(np.array(prepared[0].normals))
     found = registration.registration_icp(
         source,
         target,
-        gate,
+        max_distance,
         start.matrix,
         getattr(registration, f"TransformationEstimation{kind}")(),
-        # Both are changes in the mean over the pairs: it stops when these pairs came back.
+        # Changes of the means over the correspondences: zero when the correspondences recur.
         registration.ICPConvergenceCriteria(1e-15, 1e-15, 500),
     )
     return Pose.from_matrix(found.transformation)
 
 
-def _assert_same_minimum(method, kept, start, theirs):
-    ours = method.align(*kept, start)
-    assert ours.reason.is_converged
-    assert ours.pose.is_close(theirs, translation=_METRES, rotation=_RADIANS)
-    # Another fixed point is one of ours too: begun there, nothing moves.
-    stayed = method.align(*kept, theirs)
-    assert stayed.pose.is_close(theirs, translation=_SAME_METRES, rotation=_SAME_RADIANS)
+def _assert_converges_to(method, prepared, start, peer_pose):
+    solution = method.align(*prepared, start)
+    assert solution.reason.is_converged
+    assert solution.pose.is_close(peer_pose, translation=_METRES, rotation=_RADIANS)
+    # The pose of the peer is a fixed point of scanlock as well.
+    restarted = method.align(*prepared, peer_pose)
+    assert restarted.pose.is_close(
+        peer_pose, translation=_FIXED_POINT_METRES, rotation=_FIXED_POINT_RADIANS
+    )
 
 
 @_with_each_pair
-@_with_each_gate
-def test_all_steps_end_in_one_minimum(scan_data, pair, gate):
-    kept, start = _prepared(scan_data, pair, _icp(gate))
-    ends = [
-        _icp(gate, step=step).align(*kept, start) for step in ("svd", "quaternion", "gauss-newton")
+@_with_each_distance
+def test_all_estimation_algorithms_converge_to_one_pose(scan_data, pair, max_distance):
+    prepared, start = _prepared(scan_data, pair, _icp(max_distance))
+    solutions = [
+        _icp(max_distance, step=step).align(*prepared, start)
+        for step in ("svd", "quaternion", "gauss-newton")
     ]
-    assert all(end.reason.is_converged for end in ends)
-    for end in ends[1:]:
-        assert end.pose.is_close(ends[0].pose, translation=1e-6, rotation=1e-7)
+    assert all(solution.reason.is_converged for solution in solutions)
+    for solution in solutions[1:]:
+        assert solution.pose.is_close(solutions[0].pose, translation=1e-6, rotation=1e-7)
 
 
 @_with_each_pair
-@_with_each_gate
-def test_points_end_where_small_gicp_ends(scan_data, pair, gate):
-    method = _icp(gate, step="svd")
-    kept, start = _prepared(scan_data, pair, method)
-    theirs, _ = _by_small_gicp(kept, start, gate, "ICP")
-    _assert_same_minimum(method, kept, start, theirs)
+@_with_each_distance
+def test_point_to_point_converges_to_the_pose_of_small_gicp(scan_data, pair, max_distance):
+    method = _icp(max_distance, step="svd")
+    prepared, start = _prepared(scan_data, pair, method)
+    peer_pose, _ = _by_small_gicp(prepared, start, max_distance, "ICP")
+    _assert_converges_to(method, prepared, start, peer_pose)
 
 
 @_with_each_pair
-@_with_each_gate
+@_with_each_distance
 @pytest.mark.parametrize(
     ("kind", "residual"),
     [("PointToPoint", "point-to-point"), ("PointToPlane", "point-to-plane")],
 )
-def test_points_and_planes_end_where_open3d_ends(scan_data, pair, gate, kind, residual):
-    method = _icp(gate, residual)
-    kept, start = _prepared(scan_data, pair, method)
-    theirs = _by_open3d(kept, start, gate, kind)
-    _assert_same_minimum(method, kept, start, theirs)
+def test_both_residuals_converge_to_the_pose_of_open3d(
+    scan_data, pair, max_distance, kind, residual
+):
+    method = _icp(max_distance, residual)
+    prepared, start = _prepared(scan_data, pair, method)
+    peer_pose = _by_open3d(prepared, start, max_distance, kind)
+    _assert_converges_to(method, prepared, start, peer_pose)
 
 
-def _by_axes(kept, start, gate, normals):
-    """Where our pairs and steps end with another residual: ``n_x d_x, n_y d_y, n_z d_z``."""
-    method, pose = _icp(gate), start
+def _componentwise_pose(prepared, start, max_distance, normals):
+    """Converged pose with the residual ``n_x d_x, n_y d_y, n_z d_z``."""
+    method, pose = _icp(max_distance), start
     for _ in range(100):
-        pairs = method.correspondences(*kept, pose)
+        pairs = method.correspondences(*prepared, pose)
         precisions = np.zeros((len(pairs), 6))
         precisions[:, [0, 3, 5]] = normals[pairs.target_rows] ** 2
         objective = PointPairs(
-            target=kept[0].points,
-            source=kept[1].points,
+            target=prepared[0].points,
+            source=prepared[1].points,
             target_rows=pairs.target_rows,
             source_rows=pairs.source_rows,
             precisions=precisions,
@@ -148,19 +155,23 @@ def _by_axes(kept, start, gate, normals):
         if np.abs(step).max() < 1e-8:
             return pose
         pose = pose.retract(step)
-    pytest.fail("the pairs never settled")
+    pytest.fail("the correspondences did not converge")
 
 
 @_with_each_pair
-@_with_each_gate
-def test_planes_of_small_gicp_are_our_pairs_with_another_residual(scan_data, pair, gate):
-    # Its PLANE_ICP multiplies normal and distance along each axis and never sums: no distance
-    # to a plane, and another minimum. All else is as ours: normals, pairs, steps.
-    kept, start = _prepared(scan_data, pair, _icp(gate, "point-to-plane"))
-    theirs, normals = _by_small_gicp(kept, start, gate, "PLANE_ICP")
-    cosines = np.abs(np.einsum("na,na->n", normals, kept[0].normals))
+@_with_each_distance
+def test_planes_of_small_gicp_are_reproduced_with_a_componentwise_residual(
+    scan_data, pair, max_distance
+):
+    # PLANE_ICP multiplies normal and difference along each axis without a sum, so its residual is
+    # not the distance to the plane. Normals, correspondences and steps are those of scanlock.
+    prepared, start = _prepared(scan_data, pair, _icp(max_distance, "point-to-plane"))
+    peer_pose, normals = _by_small_gicp(prepared, start, max_distance, "PLANE_ICP")
+    cosines = np.abs(np.einsum("na,na->n", normals, prepared[0].normals))
     np.testing.assert_allclose(cosines, 1.0, atol=1e-6)
-    again = _by_axes(kept, theirs, gate, normals)
-    assert again.is_close(theirs, translation=_SAME_METRES, rotation=_SAME_RADIANS)
-    ours = _by_axes(kept, start, gate, normals)
-    assert ours.is_close(theirs, translation=_METRES, rotation=_RADIANS)
+    from_peer_pose = _componentwise_pose(prepared, peer_pose, max_distance, normals)
+    assert from_peer_pose.is_close(
+        peer_pose, translation=_FIXED_POINT_METRES, rotation=_FIXED_POINT_RADIANS
+    )
+    solution = _componentwise_pose(prepared, start, max_distance, normals)
+    assert solution.is_close(peer_pose, translation=_METRES, rotation=_RADIANS)

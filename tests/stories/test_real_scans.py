@@ -1,4 +1,4 @@
-"""Pairs of real scans, from the identity and with default settings, against trusted poses."""
+"""Pairs of real scans from the identity with default settings, against reference poses."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.registry import METHODS
 
 pytestmark = pytest.mark.data
-# ICP, a baseline of the papers, loses some of these pairs or ends decimetres off.
+# ICP, a baseline of the papers, fails on some of these pairs or has errors of decimetres.
 _with_each_method = pytest.mark.parametrize(
     "method", [name for name in METHODS if not name.startswith("icp")]
 )
@@ -24,16 +24,16 @@ def _floats(path, columns):
 
 def _assert_registers(target, source, truth, method, *, metres, degrees):
     result = scanlock.register(source=source, target=target, method=method)
-    off, turned = result.target_from_source.distance(truth)
+    metres_off, radians_off = result.target_from_source.distance(truth)
     assert result.ok, result.reason
-    assert off < metres
-    assert math.degrees(turned) < degrees
+    assert metres_off < metres
+    assert math.degrees(radians_off) < degrees
 
 
 @_with_each_method
 @pytest.mark.parametrize("pair", ["0_10", "20_30", "40_50"])
-def test_a_car_in_a_street_a_second_apart(scan_data, method, pair):
-    # 3 to 4.5 m and 7 to 11 degrees apart, among moving cars; the truth is good to 3 cm.
+def test_street_scans_a_second_apart_are_registered(scan_data, method, pair):
+    # 3 to 4.5 m and 7 to 11 degrees apart, among moving cars; the truth is accurate to 3 cm.
     folder = scan_data / "kitti_drive_0005"
     target, source = (
         _floats(folder / "velodyne_points" / "data" / f"{int(index):010d}.bin", 4)
@@ -45,8 +45,8 @@ def test_a_car_in_a_street_a_second_apart(scan_data, method, pair):
 
 @_with_each_method
 @pytest.mark.parametrize("kind", ["still", "moving"])
-def test_a_flight_under_trees(scan_data, method, kind):
-    # The truth is a consensus of seven fine registrations, good to 5 mm and 0.04 degrees.
+def test_forest_scans_of_a_flight_are_registered(scan_data, method, kind):
+    # The truth is a consensus of seven fine registrations, accurate to 5 mm and 0.04 degrees.
     folder = scan_data / "forest_os1"
     target, source = (_floats(folder / f"{kind}_t{t}_xyzl.bin", 4) for t in (0, 1))
     truth = Pose.from_matrix(np.loadtxt(folder / f"{kind}_reference_transform.txt"))
@@ -54,7 +54,7 @@ def test_a_flight_under_trees(scan_data, method, kind):
 
 
 @_with_each_method
-def test_a_car_that_stands_in_a_city(scan_data, method):
+def test_scans_of_a_stationary_car_are_registered(scan_data, method):
     folder = scan_data / "av2_pair"
     rows = np.loadtxt(folder / "poses_city_from_ego.txt")
     first, second = (Pose.from_matrix(row[1:].reshape(3, 4)) for row in rows)
@@ -64,7 +64,7 @@ def test_a_car_that_stands_in_a_city(scan_data, method):
 
 
 @_with_each_method
-def test_a_walk_round_a_college_quad(scan_data, method):
+def test_handheld_scans_of_a_college_quad_are_registered(scan_data, method):
     folder = scan_data / "newer_college" / "newer_01"
     rows = [line.split()[1:8] for line in (folder / "graph.txt").read_text().splitlines()]
     poses = [
@@ -83,6 +83,6 @@ def test_every_point_of_a_real_scan_is_labelled(scan_data):
     scan = _floats(scan_data / "kitti_drive_0005" / "velodyne_points/data/0000000000.bin", 4)
     found = scanlock.segment(scan)
     assert found.labels.shape == (len(scan),)
-    # A street: between a third and two thirds of an HDL-64E scan lie on the ground.
+    # In a street, one to two thirds of the points of an HDL-64E scan are on the ground.
     assert 1 / 3 < found.is_ground.mean() < 2 / 3
     assert found.cluster_count > 50

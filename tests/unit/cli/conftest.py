@@ -19,7 +19,7 @@ class Done:
 
 @pytest.fixture
 def scanlock(capsys):
-    """Return a runner of the command line, in this process and as outside of a terminal."""
+    """Return a function that runs the command line in this process, without a terminal."""
 
     def run(*arguments):
         capsys.readouterr()
@@ -32,18 +32,18 @@ def scanlock(capsys):
 
 @pytest.fixture(scope="session")
 def scans(tmp_path_factory):
-    """Return a folder of scans: two of one place with a known motion, and some with blanks."""
+    """Return a folder of scans: two of one scene with a known motion, one with invalid rows."""
     folder = tmp_path_factory.mktemp("scans")
     target, source = street(1), MOTION.inverse().apply(street(2))
     write_scan(folder / "target.npy", target)
     write_scan(folder / "source.npy", source)
     write_scan(folder / "elsewhere.npy", street(3, layout=7))
     write_scan(folder / "float32.bin", target.astype(np.float32))
-    gaps = target.copy()
-    gaps[::10] = np.nan
-    gaps[5::10] = 0.0
-    intensity = np.arange(len(gaps), dtype=np.float32)
-    write_scan(folder / "gaps.pcd", gaps, {"intensity": intensity}, height=10)
+    invalid = target.copy()
+    invalid[::10] = np.nan
+    invalid[5::10] = 0.0
+    intensity = np.arange(len(invalid), dtype=np.float32)
+    write_scan(folder / "invalid_rows.pcd", invalid, {"intensity": intensity}, height=10)
     np.save(folder / "truth.npy", MOTION.matrix)
     (folder / "cut.bin").write_bytes((folder / "float32.bin").read_bytes()[:-7])
     (folder / "noise.ply").write_bytes(b"ply\nformat binary_little_endian 1.0\n\xff\xff")

@@ -20,7 +20,7 @@ def _python(code, **options):
     )
 
 
-def test_no_help_waits_for_the_packages_that_compute():
+def test_help_imports_no_numerical_packages():
     heavy = ["numpy", "numba", "scipy", "matplotlib", "laspy"]
     code = f"""
 import contextlib, io, sys
@@ -35,7 +35,7 @@ print([m for m in {heavy} if m in sys.modules])
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
-def test_without_arguments_there_is_help(scanlock):
+def test_no_arguments_print_help(scanlock):
     done = scanlock()
     assert (done.code, done.err) == (0, "")
     assert all(f"  {name}: " in done.out for name in COMMANDS)
@@ -43,8 +43,8 @@ def test_without_arguments_there_is_help(scanlock):
 
 def test_help_lists_the_commands_in_their_order(scanlock):
     out = scanlock("--help").out
-    places = [out.index(f"  {name}: ") for name in COMMANDS]
-    assert places == sorted(places)
+    positions = [out.index(f"  {name}: ") for name in COMMANDS]
+    assert positions == sorted(positions)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -67,7 +67,7 @@ def test_examples_of_help_are_commands_that_parse(command):
         assert f"{function.__module__}:{function.__name__}" == COMMANDS[command].path
 
 
-def test_version(scanlock):
+def test_the_version_is_printed(scanlock):
     assert scanlock("--version").out == f"scanlock {__version__}\n"
 
 
@@ -84,7 +84,7 @@ def test_version(scanlock):
         (["simulate", "street", "-o", "a", "--scans", "many"], ["many", "--scans"]),
     ],
 )
-def test_a_typo_is_one_line_on_stderr_with_what_to_do(scanlock, arguments, parts):
+def test_a_typo_is_one_line_on_stderr_with_a_remedy(scanlock, arguments, parts):
     done = scanlock(*arguments)
     assert (done.code, done.out) == (1, "")
     assert done.err.startswith("scanlock: ")
@@ -92,7 +92,7 @@ def test_a_typo_is_one_line_on_stderr_with_what_to_do(scanlock, arguments, parts
     assert all(part in done.err for part in parts)
 
 
-def test_names_offered_are_the_names_there_are():
+def test_choices_equal_the_available_names():
     from scanlock.io import FORMATS
     from scanlock.optimisation.objectives.constraints import DegreesOfFreedom
     from scanlock.registration.registry import DEFAULT_METHOD, METHODS
@@ -108,7 +108,7 @@ def test_names_offered_are_the_names_there_are():
     assert DEFAULT_METHOD in METHODS
 
 
-def test_an_interrupt_ends_quietly(scanlock, monkeypatch, scans):
+def test_an_interrupt_prints_nothing(scanlock, monkeypatch, scans):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
@@ -117,9 +117,9 @@ def test_an_interrupt_ends_quietly(scanlock, monkeypatch, scans):
     assert (done.code, done.out, done.err) == (130, "", "")
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="pipes close otherwise there")
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes behave differently on Windows")
 @pytest.mark.parametrize("option", [[], ["--json"]])
-def test_a_reader_that_goes_away_is_no_error(scans, option):
+def test_a_closed_pipe_is_not_an_error(scans, option):
     reading, writing = os.pipe()
     os.close(reading)
     code = "import sys; from scanlock.cli import main; sys.exit(main())"
@@ -135,7 +135,7 @@ def test_a_reader_that_goes_away_is_no_error(scans, option):
     assert (done.returncode, done.stderr) == (141, "")
 
 
-def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path, scans):
+def test_names_outside_the_encoding_of_the_terminal_are_escaped(tmp_path, scans):
     path = tmp_path / "straße.npy"
     path.write_bytes((scans / "target.npy").read_bytes())
     code = "import sys; from scanlock.cli import main; sys.exit(main())"
@@ -150,7 +150,7 @@ def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path, scans):
     assert "stra\\xdfe.npy" in done.stdout
 
 
-def test_a_mistake_of_the_programme_itself_keeps_its_traceback(scanlock, monkeypatch, scans):
+def test_an_unexpected_error_keeps_its_traceback(scanlock, monkeypatch, scans):
     def broken(*_, **__):
         raise RuntimeError("a mistake")
 

@@ -24,7 +24,7 @@ def test_facts_are_two_columns_wrapped_between_words(capsys):
     assert lines[-2:] == ["  longer name  [a] 1.5", " " * 15 + "    as it is"]
 
 
-def test_a_path_is_never_broken(capsys):
+def test_a_path_is_never_wrapped(capsys):
     path = "/a-b" * 60
     print_facts([("path", path)])
     print_line(path)
@@ -32,18 +32,18 @@ def test_a_path_is_never_broken(capsys):
     assert [line.strip().removeprefix("path").strip() for line in lines] == [path, path]
 
 
-def test_tables_align_to_the_right(capsys):
+def test_tables_are_right_aligned(capsys):
     print_table(["a", "long head"], [["1", "2"], ["10", "20"]])
     assert capsys.readouterr().out == "   a  long head\n   1          2\n  10         20\n"
 
 
-def test_json_keeps_every_bit(capsys):
+def test_json_has_full_precision(capsys):
     values = np.random.default_rng(0).normal(size=50).tolist()
     print_json({"values": values})
     assert json.loads(capsys.readouterr().out) == {"values": values}
 
 
-def test_outside_of_a_terminal_there_is_no_colour_and_no_progress(capsys):
+def test_there_is_no_colour_and_no_progress_without_a_terminal(capsys):
     print_status("ok", "text", good=True)
     with waiting("a while"):
         assert list(counting([1, 2, 3], "things")) == [1, 2, 3]
@@ -58,18 +58,18 @@ def terminal(monkeypatch):
 
 
 @pytest.mark.parametrize(("good", "colour"), [(True, "32m"), (False, "31m")])
-def test_at_a_terminal_the_status_has_its_colour(terminal, capsys, good, colour):
+def test_the_status_is_coloured_on_a_terminal(terminal, capsys, good, colour):
     print_status("status", "text", good=good)
     assert colour in capsys.readouterr().out
 
 
-def test_no_color_is_respected(terminal, monkeypatch, capsys):
+def test_no_color_disables_colours(terminal, monkeypatch, capsys):
     monkeypatch.setenv("NO_COLOR", "1")
     print_status("ok", "text", good=True)
     assert "32m" not in capsys.readouterr().out
 
 
-def test_at_a_terminal_progress_goes_to_stderr(terminal, capsys):
+def test_progress_is_printed_to_stderr_of_a_terminal(terminal, capsys):
     with waiting("a while"):
         assert list(counting([1, 2, 3], "things")) == [1, 2, 3]
     out, err = capsys.readouterr()

@@ -13,14 +13,14 @@ if sys.platform == "win32":
 
 
 def _send(number):
-    # Through the process, as from outside: what raises is the handler.
+    # Sent to the process, so that the handler raises.
     signal.raise_signal(number)
 
 
 @pytest.mark.parametrize(
     ("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
 )
-def test_a_command_that_is_to_end_does_so_quietly(scanlock, monkeypatch, scans, number, code):
+def test_signals_end_a_command_without_output(scanlock, monkeypatch, scans, number, code):
     before = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
     monkeypatch.setattr("scanlock.io.describe_scan", lambda *_, **__: _send(number))
     done = scanlock("info", scans / "target.npy")
@@ -30,7 +30,7 @@ def test_a_command_that_is_to_end_does_so_quietly(scanlock, monkeypatch, scans, 
 
 
 @pytest.mark.parametrize("depth", [1, 2])
-def test_what_numba_makes_of_an_interrupt_is_one(scanlock, monkeypatch, scans, depth):
+def test_a_system_error_caused_by_an_interrupt_is_an_interrupt(scanlock, monkeypatch, scans, depth):
     def return_and_raise(*_, **__):
         try:
             _send(signal.SIGTERM)
@@ -47,12 +47,12 @@ def test_what_numba_makes_of_an_interrupt_is_one(scanlock, monkeypatch, scans, d
     assert (done.code, done.out, done.err) == (143, "", "")
 
 
-def test_other_faults_of_the_system_are_no_interrupts():
+def test_other_system_errors_are_raised_unchanged():
     with pytest.raises(SystemError, match="fault"), interrupts_raised():
         raise SystemError("fault") from ValueError("bad")
 
 
-def test_a_terminal_that_may_close_is_ignored():
+def test_an_ignored_hangup_signal_remains_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with interrupts_raised():
@@ -62,7 +62,7 @@ def test_a_terminal_that_may_close_is_ignored():
         signal.signal(signal.SIGHUP, before)
 
 
-def test_an_interrupt_waits_for_what_belongs_together():
+def test_an_interrupt_is_delayed_until_the_end_of_the_block():
     done = []
 
     def work():
@@ -78,7 +78,7 @@ def test_an_interrupt_waits_for_what_belongs_together():
 
 
 @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
-def test_a_second_interrupt_does_not_wait(first):
+def test_a_second_interrupt_is_raised_at_once(first):
     done = []
 
     def work():
@@ -94,7 +94,7 @@ def test_a_second_interrupt_does_not_wait(first):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_an_error_comes_before_an_interrupt_that_waits():
+def test_an_error_in_the_block_is_raised_before_the_interrupt():
     def fail():
         with interrupt_delayed():
             _send(signal.SIGINT)
@@ -104,13 +104,13 @@ def test_an_error_comes_before_an_interrupt_that_waits():
         fail()
 
 
-def test_a_request_is_left_alone_that_nobody_would_raise():
-    # Outside of the command line it ends the process on the spot, as it always did.
+def test_signals_with_the_default_action_are_not_delayed():
+    # Outside of the command line, the signal ends the process immediately.
     with interrupt_delayed():
         assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
-def test_other_threads_may_run_commands():
+def test_commands_run_in_other_threads():
     codes = []
 
     def run():
@@ -123,7 +123,7 @@ def test_other_threads_may_run_commands():
     assert codes == [0]
 
 
-def test_processes_out_of_reach_ignore_what_a_terminal_sends_to_all():
+def test_child_processes_ignore_the_interrupt_of_a_terminal():
     code = "import signal; print(signal.getsignal(signal.SIGINT) == signal.SIG_IGN)"
     with children_ignore_interrupts():
         child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)

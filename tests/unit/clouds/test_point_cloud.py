@@ -113,7 +113,7 @@ def test_rows_that_are_not_finite_are_dropped_and_mapped_back(kind):
     np.testing.assert_array_equal(labels[[0, 7, 39]], [-7, -7, -7])
 
 
-def test_infinities_that_cancel_are_still_found():
+def test_infinities_that_cancel_are_detected():
     array = _XYZ.copy()
     array[4, 0], array[5, 0] = np.inf, -np.inf
     assert PointCloud.from_array(array).dropped_count == 2

@@ -23,7 +23,7 @@ def test_inlier_mean_excludes_distances_beyond_three_deviations():
     assert inlier_mean(values[:-1]) == pytest.approx(0.15)
 
 
-def test_the_mean_of_nothing_is_nan_and_an_empty_target_is_refused():
+def test_the_mean_of_no_distances_is_nan_and_an_empty_target_is_refused():
     assert math.isnan(inlier_mean(np.zeros(0)))
     with pytest.raises(InvalidInput, match="at least one point"):
         closest_distances(np.zeros((0, 3)), np.zeros((3, 3)), yaw_pose(0.0, (0.0, 0.0, 0.0)))

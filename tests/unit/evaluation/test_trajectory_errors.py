@@ -38,8 +38,8 @@ def test_another_world_frame_is_aligned_away(alignment):
     found = absolute_errors([world @ pose for pose in truth], truth, alignment)
     assert found.translations.max() < 1e-9
     assert found.rotations.max() < 1e-7
-    apart = absolute_errors([world @ pose for pose in truth], truth, "none")
-    assert apart.translations.min() > 1.0
+    unaligned = absolute_errors([world @ pose for pose in truth], truth, "none")
+    assert unaligned.translations.min() > 1.0
 
 
 def test_alignment_moves_the_estimate_rigidly():
@@ -96,7 +96,7 @@ def _drifting(truth, seed):
     return poses
 
 
-def _check_against_the_reference(estimate, truth):
+def _assert_matches_the_reference(estimate, truth):
     found = kitti_errors(estimate, truth)
     slow = segment_errors([pose.matrix for pose in estimate], [pose.matrix for pose in truth])
     assert len(slow) > 10
@@ -109,13 +109,13 @@ def _check_against_the_reference(estimate, truth):
 
 def test_kitti_errors_agree_with_the_reference():
     truth = _wandering(0, 300, 1.3)
-    _check_against_the_reference(_drifting(truth, 1), truth)
+    _assert_matches_the_reference(_drifting(truth, 1), truth)
 
 
 @pytest.mark.data
 def test_kitti_errors_agree_with_the_reference_on_a_benchmark_drive(scan_data):
     truth = read_kitti_poses(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
-    _check_against_the_reference(_drifting(truth, 2), truth)
+    _assert_matches_the_reference(_drifting(truth, 2), truth)
 
 
 def test_one_wrong_motion_gives_one_relative_error():

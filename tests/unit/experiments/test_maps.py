@@ -9,7 +9,7 @@ from scanlock.experiments.experiment import no_progress
 from scanlock.experiments.maps import build_maps
 
 
-def test_maps_hold_the_scans_at_the_poses_of_the_trajectory(series):
+def test_maps_contain_the_scans_at_the_poses_of_the_trajectory(series):
     trajectories = {"true": series.true_trajectory(), "still": [Pose.identity()] * 4}
     maps = build_maps(series, trajectories, ["true"], no_progress)
     for name, poses in trajectories.items():
@@ -20,7 +20,7 @@ def test_maps_hold_the_scans_at_the_poses_of_the_trajectory(series):
     assert maps.crispness("true") < maps.crispness("still")
 
 
-def test_drawn_maps_hold_the_points_above_the_ground(series):
+def test_drawn_maps_contain_the_points_above_the_ground(series):
     poses = series.true_trajectory()
     drawn = build_maps(series, {"true": poses}, ["true"], no_progress).drawn
     assert list(drawn) == ["true"]
@@ -42,5 +42,5 @@ def test_a_scan_that_cannot_be_read_is_omitted(series):
 
     trajectories = {"true": series.true_trajectory()}
     whole = build_maps(series, trajectories, [], no_progress)
-    part = build_maps(replace(series, load=load), trajectories, [], no_progress)
-    assert 0 < part.crispness("true") < whole.crispness("true")
+    incomplete = build_maps(replace(series, load=load), trajectories, [], no_progress)
+    assert 0 < incomplete.crispness("true") < whole.crispness("true")

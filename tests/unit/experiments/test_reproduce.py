@@ -45,7 +45,7 @@ def test_the_same_experiment_gives_the_same_bytes(experiment, series, done, tmp_
     assert _files(tmp_path) == _files(done.page.parent)
 
 
-def test_files_hold_no_path_and_no_time(done):
+def test_files_contain_no_path_and_no_time(done):
     for name, content in _files(done.page.parent).items():
         assert str(done.page.parent).encode() not in content, name
         assert b"seconds" not in content, name

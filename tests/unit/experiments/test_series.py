@@ -103,7 +103,7 @@ def test_other_points_change_the_key(folder):
 
 
 def test_files_with_equal_names_get_the_names_of_their_folders(tmp_path):
-    paths = tuple(tmp_path / place / "scan.npy" for place in ("one", "two"))
+    paths = tuple(tmp_path / name / "scan.npy" for name in ("one", "two"))
     for number, path in enumerate(paths):
         path.parent.mkdir()
         write_scan(path, np.full((3, 3), float(number)))

@@ -36,23 +36,26 @@ def test_apply_rejects_points_that_are_not_three_dimensional(points):
 
 def test_pose_agrees_with_scipys_rigid_transform():
     a, b = _pose(1), _pose(2)
-    theirs_a, theirs_b = RigidTransform.from_matrix(a.matrix), RigidTransform.from_matrix(b.matrix)
+    transform_a, transform_b = (
+        RigidTransform.from_matrix(a.matrix),
+        RigidTransform.from_matrix(b.matrix),
+    )
     points = np.random.default_rng(3).normal(size=(20, 3))
-    np.testing.assert_allclose(a.apply(points), theirs_a.apply(points), atol=1e-14)
-    np.testing.assert_allclose((a @ b).matrix, (theirs_a * theirs_b).as_matrix(), atol=1e-14)
-    np.testing.assert_allclose(a.inverse().matrix, theirs_a.inv().as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(a.apply(points), transform_a.apply(points), atol=1e-14)
+    np.testing.assert_allclose((a @ b).matrix, (transform_a * transform_b).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(a.inverse().matrix, transform_a.inv().as_matrix(), atol=1e-14)
 
 
 def test_a_step_is_translation_first_and_needs_no_v_matrix():
     rho, phi = np.array([0.4, -1.0, 2.0]), np.array([0.3, 0.1, -0.7])
-    ours = Pose.from_step(np.concatenate([rho, phi]))
+    pose = Pose.from_step(np.concatenate([rho, phi]))
     # SciPy puts the rotation first, and its translation is V(phi) times the last three numbers.
     # A pure rotation and a pure translation are the same in both.
     turn = RigidTransform.from_exp_coords(np.concatenate([phi, np.zeros(3)]))
     shift = RigidTransform.from_exp_coords(np.concatenate([np.zeros(3), rho]))
-    np.testing.assert_allclose(ours.matrix, (shift * turn).as_matrix(), atol=1e-15)
+    np.testing.assert_allclose(pose.matrix, (shift * turn).as_matrix(), atol=1e-15)
     assert not np.allclose(
-        ours.matrix, RigidTransform.from_exp_coords(np.concatenate([phi, rho])).as_matrix()
+        pose.matrix, RigidTransform.from_exp_coords(np.concatenate([phi, rho])).as_matrix()
     )
 
 

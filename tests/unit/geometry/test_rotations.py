@@ -71,11 +71,11 @@ def test_log_returns_the_shorter_rotation_for_an_angle_above_pi():
 def test_quaternion_agrees_with_scipy_and_has_no_negative_scalar(angle):
     for axis in _axes(10):
         rotation = Rotation.from_rotvec(angle * axis)
-        ours = quaternion_from_rotation(rotation.as_matrix())
-        theirs = rotation.as_quat(scalar_first=True)
-        assert ours[0] >= 0
-        assert np.linalg.norm(ours) == pytest.approx(1.0, abs=1e-15)
-        assert abs(ours @ theirs) == pytest.approx(1.0, abs=1e-15)
+        quaternion = quaternion_from_rotation(rotation.as_matrix())
+        expected = rotation.as_quat(scalar_first=True)
+        assert quaternion[0] >= 0
+        assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-15)
+        assert abs(quaternion @ expected) == pytest.approx(1.0, abs=1e-15)
 
 
 def test_nearest_rotation_does_not_change_rotations():

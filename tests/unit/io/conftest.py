@@ -4,13 +4,13 @@ import pytest
 
 def _box_ranges(directions, half=(20.0, 12.0), floor=-1.7, ceiling=6.0):
     with np.errstate(divide="ignore"):
-        reach = [
+        ranges = [
             np.where(directions[:, 0] != 0, half[0] / np.abs(directions[:, 0]), np.inf),
             np.where(directions[:, 1] != 0, half[1] / np.abs(directions[:, 1]), np.inf),
             np.where(directions[:, 2] < 0, floor / directions[:, 2], np.inf),
             np.where(directions[:, 2] > 0, ceiling / directions[:, 2], np.inf),
         ]
-    return np.min(reach, axis=0)
+    return np.min(ranges, axis=0)
 
 
 @pytest.fixture(scope="session")
@@ -22,8 +22,8 @@ def room_scan():
         azimuths = -np.pi + 2 * np.pi * (np.arange(steps) + 0.31) / steps
         grid = np.meshgrid(elevations, azimuths, indexing="ij")
         if order == "column":
-            grid = [part.T for part in grid]
-        elevation, azimuth = (part.ravel() for part in grid)
+            grid = [angles.T for angles in grid]
+        elevation, azimuth = (angles.ravel() for angles in grid)
         directions = np.stack(
             [
                 np.cos(elevation) * np.cos(azimuth),

@@ -32,7 +32,7 @@ def test_an_error_leaves_only_the_old_file(tmp_path):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_the_old_file_stays_until_the_new_one_is_complete(tmp_path):
+def test_the_old_file_exists_until_the_new_one_is_complete(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"old")
     with atomic_file(path) as handle:

@@ -9,14 +9,14 @@ from scanlock.io.scan_file import ScanFile
 
 
 def _scan(**changes):
-    parts = {
+    contents = {
         "points": np.arange(12.0).reshape(4, 3),
         "fields": {"ring": np.arange(4), "normal": np.ones((4, 3))},
         "format": "ply",
         "viewpoint": Pose.identity(),
         "notes": ("guessed",),
     }
-    return ScanFile(**(parts | changes))
+    return ScanFile(**(contents | changes))
 
 
 def test_arrays_are_read_only_and_those_of_the_caller_are_not():

@@ -140,8 +140,8 @@ def test_ford_poses_have_z_up_and_follow_the_vehicle(tmp_path):
     poses = [np.array([0.0, 0, 0, 0, 0, 0]), np.array([2.0, 1.0, -0.1, 0, 0, np.pi / 2])]
     for k, pose in enumerate(poses):
         _ford_file(folder / f"Scan{75 + k:04d}.mat", scan, pose, np.uint64(1_000_000 * (k + 3)))
-    for place in (folder, folder.parent):
-        found = open_sequence(place)
+    for path in (folder, folder.parent):
+        found = open_sequence(path)
         assert found.title == "Ford Campus"
         assert found.names == ("Scan0075", "Scan0076")
         np.testing.assert_allclose(found.times, [3.0, 4.0])

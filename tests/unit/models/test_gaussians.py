@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reference import moments as reference
-from reference.samples import gaussians, turned_covariances
+from reference.samples import gaussians, rotated_covariances
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians, unpacked
@@ -58,7 +58,7 @@ def test_clusters_of_too_few_points_are_skipped_and_the_others_keep_their_order(
 def test_regularisation_raises_small_variances_and_keeps_the_axes():
     rng = np.random.default_rng(3)
     variances = np.array([[1e-8, 1e-4, 4.0], [0.0, 0.0, 0.0], [0.04, 1.0, 9.0]])
-    covariances = turned_covariances(rng, variances)
+    covariances = rotated_covariances(rng, variances)
     sharp = Gaussians.from_covariances(rng.normal(size=(3, 3)), covariances, np.array([9, 1, 5]))
     raised = sharp.regularised(0.1)
     # Rounding of a product of matrices whose entries reach the largest variance.
@@ -75,7 +75,7 @@ def test_regularisation_raises_small_variances_and_keeps_the_axes():
 
 def test_a_ratio_raises_variances_to_a_fraction_of_the_largest():
     rng = np.random.default_rng(4)
-    covariances = turned_covariances(rng, np.array([[1e-6, 0.5, 9.0], [1e-6, 1e-6, 1e-6]]))
+    covariances = rotated_covariances(rng, np.array([[1e-6, 0.5, 9.0], [1e-6, 1e-6, 1e-6]]))
     raised = Gaussians.from_covariances(
         np.zeros((2, 3)), covariances, np.array([3, 3])
     ).regularised(0.1, ratio=0.01)
@@ -83,7 +83,7 @@ def test_a_ratio_raises_variances_to_a_fraction_of_the_largest():
 
 
 def test_regularisation_changes_large_variances_by_rounding_only():
-    some = gaussians(np.random.default_rng(5), 20, least=0.2)
+    some = gaussians(np.random.default_rng(5), 20, min_deviation=0.2)
     np.testing.assert_allclose(
         some.regularised(0.1).covariances, some.covariances, rtol=1e-12, atol=1e-12
     )
@@ -202,7 +202,7 @@ def test_weights_are_counts_to_a_power():
 
 
 def test_variances_are_those_of_regularised_scaled_and_inflated_gaussians():
-    some = gaussians(np.random.default_rng(9), 40, least=0.01)
+    some = gaussians(np.random.default_rng(9), 40, min_deviation=0.01)
     for changed in (some.regularised(0.3, 0.1), some.scaled(2.5), some.inflated(0.7)):
         np.testing.assert_allclose(
             changed.variances, np.linalg.eigvalsh(changed.covariances), rtol=1e-9, atol=1e-12
@@ -213,7 +213,7 @@ def test_variances_are_those_of_regularised_scaled_and_inflated_gaussians():
 @pytest.mark.parametrize("power", [0.25, 0.5, 1.0])
 def test_merged_gaussians_are_the_mixtures_of_their_voxels(power):
     rng = np.random.default_rng(5)
-    several = gaussians(rng, 60, spread=6.0)
+    several = gaussians(rng, 60, half_width=6.0)
     merged = several.merged(3.0, power)
     voxels = np.floor(several.means / 3.0)
     assert 1 < len(merged) < len(several)
@@ -233,7 +233,7 @@ def test_merged_gaussians_are_the_mixtures_of_their_voxels(power):
 
 
 def test_merging_does_not_change_a_gaussian_alone_in_its_voxel():
-    several = gaussians(np.random.default_rng(6), 20, spread=50.0)
+    several = gaussians(np.random.default_rng(6), 20, half_width=50.0)
     merged = several.merged(1e-6, 0.5)
     order = np.lexsort(several.means.T[::-1])
     np.testing.assert_allclose(merged.means, several.means[order], rtol=1e-12)

@@ -9,7 +9,7 @@ from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
 
 
 def _surface(seed, count=400):
-    some = gaussians(np.random.default_rng(seed), count, spread=6.0)
+    some = gaussians(np.random.default_rng(seed), count, half_width=6.0)
     return SurfacePoints(some.means, some.packed_covariances)
 
 

@@ -83,7 +83,7 @@ def test_known_records_are_yielded_without_loading_a_scan(scans):
     assert again == [replace(first, reason="known"), second]
 
 
-def test_records_hold_their_initial_poses(scans):
+def test_records_have_their_initial_poses(scans):
     plan = AroundTruth(distances=(1.0,), angles=(0.0, 0.2))
     study = _study(scans, pairs=_pairs()[:1], starts=plan)
     records = list(study.records())
@@ -128,7 +128,7 @@ def test_errors_other_than_scanlock_errors_are_raised(scans, monkeypatch):
         next(_study(scans).records())
 
 
-def test_errors_in_map_coordinates_are_taken_at_the_centre_of_the_source(scans):
+def test_errors_in_map_coordinates_are_evaluated_at_the_centre_of_the_source(scans):
     far = np.array([4e5, 5e6, 100.0])
     shift = Pose(np.eye(3), far)
     pair = StudyPair(target="a", source="b", truth=shift @ STEP @ shift.inverse())

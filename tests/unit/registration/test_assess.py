@@ -12,7 +12,7 @@ def pair():
     return scan_pair("street", "hdl_32e", 1)
 
 
-def test_a_right_pose_is_ok_and_returned_untouched(pair):
+def test_a_correct_pose_is_ok_and_returned_unchanged(pair):
     result = assess(
         source=pair.source.points, target=pair.target.points, pose=pair.target_from_source
     )
@@ -31,7 +31,7 @@ def test_a_wrong_pose_is_not_ok(pair, step):
     assert result.probability < 0.5
 
 
-def test_the_verdict_is_that_of_register_without_candidates(pair):
+def test_the_assessment_equals_that_of_register_without_candidates(pair):
     found = register(source=pair.source.points, target=pair.target.points, method="gicp",
                      initial=pair.target_from_source)  # fmt: skip
     again = assess(
@@ -42,7 +42,7 @@ def test_the_verdict_is_that_of_register_without_candidates(pair):
     assert again.status is found.status is Status.OK
 
 
-def test_prepared_scans_of_any_method_are_taken(pair):
+def test_prepared_scans_of_any_method_are_accepted(pair):
     scans = prepare(pair.source.points, method="gicp"), prepare(pair.target.points, method="icp")
     result = assess(source=scans[0], target=scans[1], pose=pair.target_from_source)
     plain = assess(
@@ -54,7 +54,7 @@ def test_prepared_scans_of_any_method_are_taken(pair):
     assert result.metrics == plain.metrics
 
 
-def test_bad_input_is_refused_and_scans_with_too_little_are_a_status(pair):
+def test_invalid_input_is_refused_and_insufficient_scans_are_a_status(pair):
     with pytest.raises(InvalidInput, match="initial"):
         assess(source=pair.source.points, target=pair.target.points, pose=np.zeros((4, 4)))
     few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])

@@ -61,20 +61,21 @@ def test_a_prepared_scan_has_data_notes_and_the_reason_without_data():
     assert short.features is None
 
 
-def test_verification_features_are_clusters_or_else_voxels():
+def test_verification_features_are_clusters_or_voxels():
     ready = prepare(street(1))
     found = extract_features(ready.cloud)
     np.testing.assert_array_equal(found.gaussians.means, ready.features.gaussians.means)
     rng = np.random.default_rng(0)
     bare = np.column_stack([rng.uniform(-30, 30, (20000, 2)), rng.normal(-1.7, 0.02, 20000)])
-    cubes = extract_features(prepare(bare).cloud)
-    assert len(cubes.gaussians) > 1000
+    voxels = extract_features(prepare(bare).cloud)
+    assert len(voxels.gaussians) > 1000
     assert (
-        cubes.notes[-1] == f"too few clusters: verified with {len(cubes.gaussians)} voxel Gaussians"
+        voxels.notes[-1]
+        == f"too few clusters: verified with {len(voxels.gaussians)} voxel Gaussians"
     )
 
 
-def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
+def test_a_prior_in_map_coordinates_equals_one_in_local_frames(scans):
     # The same registration twice: in map coordinates, and in coordinates about the origins.
     here = Pose(np.eye(3), np.array([500_000.0, 5_400_000.0, 100.0]))
     mean = yaw_pose(0.25, (2.5, -1.0, 0.1))
@@ -101,14 +102,14 @@ def test_a_prior_in_map_coordinates_is_one_between_the_scans(scans):
     assert with_prior < 0.97 * without
 
 
-def test_locked_directions_stay_as_in_the_initial_pose(scans):
+def test_locked_directions_keep_their_initial_values(scans):
     source, target = scans
     initial = Pose.from_step(np.array([0.0, 0.0, 0.2, 0.02, -0.01, 0.0]))
     result = register(source=source, target=target, initial=initial, dof="xy+yaw")
     pose = result.target_from_source
     assert abs(pose.translation[2] - 0.2) < 1e-9
-    tilt = (pose.rotation @ initial.rotation.T)[2]
-    np.testing.assert_allclose(tilt, [0.0, 0.0, 1.0], atol=1e-9)
+    vertical = (pose.rotation @ initial.rotation.T)[2]
+    np.testing.assert_allclose(vertical, [0.0, 0.0, 1.0], atol=1e-9)
     level = register(source=source, target=target, dof="xyz+yaw")
     assert level.status is Status.OK
     assert level.target_from_source.is_close(_MOTION, translation=0.1, rotation=math.radians(0.3))

@@ -18,7 +18,7 @@ def registered(monkeypatch):
 
 
 @dataclass(frozen=True)
-class _Mine(Method):
+class _CustomMethod(Method):
     def prepare(self, cloud, log=None):
         return cloud
 
@@ -26,7 +26,7 @@ class _Mine(Method):
         raise NotImplementedError
 
 
-def test_a_registered_method_goes_by_its_name():
+def test_a_registered_method_is_found_by_its_name():
     register_method("icp-fine", Icp(voxel_size=0.2))
     scan = street(1, 2000)
     result = register(source=scan, target=scan, method="icp-fine", initial=Pose.identity())
@@ -34,42 +34,42 @@ def test_a_registered_method_goes_by_its_name():
     assert result.converged
 
 
-def test_a_taken_name_is_refused_unless_it_is_to_be_replaced():
+def test_a_registered_name_is_refused_unless_replaced():
     with pytest.raises(InvalidInput, match="replace=True"):
-        register_method("gicp", _Mine())
-    register_method("gicp", _Mine(), replace=True)
-    assert METHODS["gicp"] == _Mine()
+        register_method("gicp", _CustomMethod())
+    register_method("gicp", _CustomMethod(), replace=True)
+    assert METHODS["gicp"] == _CustomMethod()
 
 
 @pytest.mark.parametrize("name", ["", "Mine", "my method"])
 def test_names_are_lower_case_without_spaces(name):
     with pytest.raises(InvalidInput, match="lower case"):
-        register_method(name, _Mine())
+        register_method(name, _CustomMethod())
 
 
-@pytest.mark.parametrize("method", [_Mine, object()])
+@pytest.mark.parametrize("method", [_CustomMethod, object()])
 def test_only_objects_with_prepare_and_align_are_methods(method):
     with pytest.raises(InvalidInput):
         register_method("mine", method)
 
 
-def test_the_mapping_itself_is_read_only():
+def test_the_mapping_is_read_only():
     with pytest.raises(TypeError):
-        METHODS["mine"] = _Mine()
+        METHODS["mine"] = _CustomMethod()
 
 
-def test_an_installed_package_offers_a_method_that_is_loaded_when_asked_for(monkeypatch):
+def test_a_method_of_an_installed_package_is_loaded_on_access(monkeypatch):
     loaded = []
 
-    class Offer(EntryPoint):
+    class LoggedEntryPoint(EntryPoint):
         def load(self):
             loaded.append(self.name)
-            return _Mine()
+            return _CustomMethod()
 
-    offer = Offer("theirs", "package:method", registry.ENTRY_POINTS)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [offer])
-    assert "theirs" in list(METHODS)
+    entry_point = LoggedEntryPoint("custom", "package:method", registry.ENTRY_POINTS)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [entry_point])
+    assert "custom" in list(METHODS)
     assert len(METHODS) == len(list(METHODS))
     assert loaded == []
-    assert named_method("theirs") == ("theirs", _Mine())
-    assert loaded == ["theirs"]
+    assert named_method("custom") == ("custom", _CustomMethod())
+    assert loaded == ["custom"]

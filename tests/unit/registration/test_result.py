@@ -26,14 +26,14 @@ def _result(status=Status.OK, **metrics):
     constrained = DirectionObservability(
         kind="rotation", axis=np.array([0.0, 0.0, 1.0]), ratio=1.0, deviation=0.001
     )
-    seen = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "fitness": 0.6}
-    known = Metrics(**{**seen, "score": 0.8, **metrics})
+    values = {"overlap": 0.9, "target_overlap": 0.7, "inlier_rmse": 0.05, "fitness": 0.6}
+    all_metrics = Metrics(**{**values, "score": 0.8, **metrics})
     return RegistrationResult(
         target_from_source=_POSE,
         status=status,
         reason="because",
         method="a-method",
-        metrics=known,
+        metrics=all_metrics,
         probability=0.75,
         directions=(degenerate, constrained),
         converged=True,
@@ -67,7 +67,7 @@ def test_nan_is_null_in_json():
     assert metrics["score"] == 0.8
 
 
-def test_a_result_cannot_be_changed():
+def test_a_result_is_immutable():
     result = _result()
     with pytest.raises(FrozenInstanceError):
         result.status = Status.OK  # type: ignore[misc]
@@ -75,7 +75,7 @@ def test_a_result_cannot_be_changed():
         result.timings["total"] = 0.0  # type: ignore[index]
 
 
-def test_a_pickle_holds_the_same_result():
+def test_a_result_can_be_pickled():
     again = pickle.loads(pickle.dumps(_result()))
     assert again.as_dict() == _result().as_dict()
     assert again.history[0].pose == Pose.identity()
@@ -85,8 +85,8 @@ def test_a_pickle_holds_the_same_result():
 def test_the_repr_is_one_line_with_motion_and_status():
     text = repr(_result())
     assert "\n" not in text
-    for part in ("status=ok", "a-method", "5.000 m 30.00 deg", "overlap=0.90", "500.0 ms"):
-        assert part in text
+    for expected in ("status=ok", "a-method", "5.000 m 30.00 deg", "overlap=0.90", "500.0 ms"):
+        assert expected in text
     assert "nan" in repr(_result(Status.NO_CORRESPONDENCES, overlap=math.nan))
 
 
@@ -106,8 +106,8 @@ def test_only_unconstrained_directions_are_degenerate():
 @pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
 def test_str_and_html_show_a_small_table(shown):
     text = shown(_result(Status.DEGENERATE, free_space_violation=math.nan))
-    for part in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
-        assert part in text
+    for expected in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
+        assert expected in text
     assert "free space" not in text
     assert "nan" not in text
 

@@ -21,9 +21,9 @@ def test_a_row_shows_one_square_at_all_poses():
         assert (left.get_xlim(), left.get_ylim()) == (right.get_xlim(), right.get_ylim())
         assert np.ptp(left.get_xlim()) == pytest.approx(16.0)
     [dots] = axes[0, 1].collections
-    places = {tuple(place) for place in np.round(np.asarray(dots.get_offsets()), 6)}
+    positions = {tuple(position) for position in np.round(np.asarray(dots.get_offsets()), 6)}
     expected = np.concatenate([POINTS, POINTS + 1.0])[:, :2]
-    assert places == {tuple(place) for place in np.round(expected, 6)}
+    assert positions == {tuple(position) for position in np.round(expected, 6)}
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ def test_boxes_span_the_quartiles_and_whiskers_end_within_1_5_times_that():
     lower, upper = np.percentile(values, [25.0, 75.0])
     [box] = axes.patches
     assert (box.get_y(), box.get_y() + box.get_height()) == pytest.approx((lower, upper))
-    limit = upper + 1.5 * (upper - lower)
-    last = values[values <= limit].max()
+    fence = upper + 1.5 * (upper - lower)
+    last = values[values <= fence].max()
     ends = np.concatenate(_lines(axes))
     assert last in ends
     # The one value beyond is drawn as a point.

@@ -59,7 +59,7 @@ def test_the_view_before_shows_the_initial_pose(scans):
     np.testing.assert_allclose(_points_in(figure.axes[0], VERMILION), _obstacles(scans[1], start))
 
 
-def test_the_close_up_is_the_framed_part(scans):
+def test_the_close_up_shows_the_framed_region(scans):
     figure = registration_figure(*scans, _result())
     [rectangle] = figure.axes[1].patches
     x, y = rectangle.get_xy()

@@ -21,16 +21,16 @@ def _drawn(axes):
 
 
 def test_each_point_has_the_colour_of_its_label(found):
-    places, colours = _drawn(segmentation_figure(found).axes[0])
+    positions, colours = _drawn(segmentation_figure(found).axes[0])
     labels = found.labels[found.cloud.rows]
-    for part, colour in ((labels == 0, GROUND), (labels == -1, FAINT)):
+    for mask, colour in ((labels == 0, GROUND), (labels == -1, FAINT)):
         mine = (colours == to_rgba_array(colour)).all(axis=1)
         np.testing.assert_array_equal(
-            np.sort(places[mine], axis=0), np.sort(found.cloud.points[part, :2], axis=0)
+            np.sort(positions[mine], axis=0), np.sort(found.cloud.points[mask, :2], axis=0)
         )
     for label in (1, 2, len(CATEGORIES) + 1):
         member = found.cloud.points[np.flatnonzero(labels == label)[0], :2]
-        [row] = np.flatnonzero((places == member).all(axis=1))
+        [row] = np.flatnonzero((positions == member).all(axis=1))
         expected = to_rgba_array(CATEGORIES[(label - 1) % len(CATEGORIES)])[0]
         np.testing.assert_array_equal(colours[row], expected)
 
@@ -41,7 +41,7 @@ def test_ground_is_drawn_below_the_rest(found):
     assert is_ground[: is_ground.sum()].all()
 
 
-def test_the_oblique_view_shows_the_framed_part_only(found):
+def test_the_oblique_view_shows_the_framed_region_only(found):
     whole, close = segmentation_figure(found).axes
     [rectangle] = whole.patches
     low = np.array(rectangle.get_xy())
@@ -52,9 +52,9 @@ def test_the_oblique_view_shows_the_framed_part_only(found):
 
 def test_the_title_has_the_counts(found):
     title = segmentation_figure(found)._suptitle
-    share = 100.0 * (found.labels[found.cloud.rows] == 0).mean()
+    ratio = 100.0 * (found.labels[found.cloud.rows] == 0).mean()
     assert title.get_text() == (
-        f"ground ({share:.0f} % of the points) and {found.cluster_count} clusters"
+        f"ground ({ratio:.0f} % of the points) and {found.cluster_count} clusters"
     )
     assert title.get_color() == INK
 

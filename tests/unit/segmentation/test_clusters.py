@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal, norm
 
 from reference import flood
 from reference.grouping import partition
-from reference.samples import street, turned_covariances
+from reference.samples import rotated_covariances, street
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput
 from scanlock.models.gaussians import Gaussians
@@ -114,7 +114,7 @@ def test_means_combine_below_the_threshold_only():
 @pytest.mark.parametrize("seed", range(4))
 def test_the_correlation_of_densities_matches_numerical_integration(seed):
     rng = np.random.default_rng(seed)
-    covariances = turned_covariances(rng, rng.uniform(0.3, 2.0, (2, 3)) ** 2)
+    covariances = rotated_covariances(rng, rng.uniform(0.3, 2.0, (2, 3)) ** 2)
     mean = rng.normal(size=3)
     # The trapezoid rule converges faster than any power for smooth functions.
     axis = np.arange(-11.0, 11.0, 0.35)
@@ -304,9 +304,9 @@ def test_gaussians_are_those_of_the_clusters_split_to_each_radius():
         split, _ = finder.split(points, labels, count, radius)
         expected = Gaussians.from_labels(points, split, 4)
         assert len(found) == len(expected) > 5
-        ours, theirs = (np.lexsort(one.means.T) for one in (found, expected))
-        np.testing.assert_array_equal(found.counts[ours], expected.counts[theirs])
-        np.testing.assert_allclose(found.means[ours], expected.means[theirs], atol=1e-12)
+        order, expected_order = (np.lexsort(one.means.T) for one in (found, expected))
+        np.testing.assert_array_equal(found.counts[order], expected.counts[expected_order])
+        np.testing.assert_allclose(found.means[order], expected.means[expected_order], atol=1e-12)
         np.testing.assert_allclose(
-            found.covariances[ours], expected.covariances[theirs], atol=1e-12
+            found.covariances[order], expected.covariances[expected_order], atol=1e-12
         )

@@ -176,7 +176,7 @@ def test_range_noise_is_along_the_beam_with_the_given_deviation():
     assert abs((b - a).mean()) < 0.01
 
 
-def test_dropout_and_surface_losses_have_the_given_shares():
+def test_dropout_and_surface_losses_have_the_given_rates():
     whole = len(_scan(_world()))
     assert len(_scan(_world(), _sensor(dropout=0.3))) == pytest.approx(0.7 * whole, rel=0.1)
     clear = boxes([12.0, 0, 2], [1, 6, 4], SurfaceClass.BUILDING)

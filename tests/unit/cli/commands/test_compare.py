@@ -8,20 +8,20 @@ from reference.studies import METHOD, toy_series
 from scanlock.io import write_kitti_poses, write_pose, write_scan
 from scanlock.registration.settings.file import read_settings, write_settings
 
-FAST = ["--methods", "sgc-ndt-d2d", "sgc-ndt-p2d", "--distances", "0", "1", "--angles", "0", "10"]
+_FAST = ["--methods", "sgc-ndt-d2d", "sgc-ndt-p2d", "--distances", "0", "1", "--angles", "0", "10"]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """Four toy scans, their poses, and the pose of the first pair."""
-    place = tmp_path_factory.mktemp("toys")
+    folder = tmp_path_factory.mktemp("toys")
     series = toy_series()
-    (place / "drive").mkdir()
+    (folder / "drive").mkdir()
     for name in series.names:
-        write_scan(place / "drive" / f"{name}.npy", series.load(name))
-    write_kitti_poses(place / "poses.txt", series.truth)
-    write_pose(place / "truth.txt", series.pairs()[0].truth)
-    return place
+        write_scan(folder / "drive" / f"{name}.npy", series.load(name))
+    write_kitti_poses(folder / "poses.txt", series.truth)
+    write_pose(folder / "truth.txt", series.pairs()[0].truth)
+    return folder
 
 
 def _table(path):
@@ -29,9 +29,9 @@ def _table(path):
         return list(csv.DictReader(file))
 
 
-def test_two_files_and_their_true_pose(scanlock, folder, tmp_path):
+def test_two_files_are_compared_with_their_true_pose(scanlock, folder, tmp_path):
     files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
-    done = scanlock("compare", *files, "--truth", folder / "truth.txt", *FAST, "-o", tmp_path)
+    done = scanlock("compare", *files, "--truth", folder / "truth.txt", *_FAST, "-o", tmp_path)
     assert (done.code, done.err) == (0, "")
     assert "2 scan files: 1 pair" in done.out
     rows = _table(tmp_path / "tables" / "basin.csv")
@@ -45,7 +45,7 @@ def test_two_files_and_their_true_pose(scanlock, folder, tmp_path):
     assert "scan0.npy scan1.npy" in (tmp_path / "index.md").read_text()
 
 
-def test_a_folder_with_poses_and_some_of_its_pairs(scanlock, folder, tmp_path):
+def test_the_first_pairs_of_a_folder_are_compared_with_its_poses(scanlock, folder, tmp_path):
     done = scanlock(
         "compare", folder / "drive", "--poses", folder / "poses.txt", "--pairs", "2",
         "--starts", "0", "--methods", "sgc-ndt-d2d", "-o", tmp_path,
@@ -61,34 +61,34 @@ def test_a_folder_with_poses_and_some_of_its_pairs(scanlock, folder, tmp_path):
     assert not (tmp_path / "tables" / "basin.csv").exists()
 
 
-def test_pairs_several_scans_apart(scanlock, folder, tmp_path):
-    scanlock("compare", folder / "drive", "--step", "3", *FAST[:2], "-o", tmp_path)
+def test_the_step_between_the_scans_of_a_pair_can_be_set(scanlock, folder, tmp_path):
+    scanlock("compare", folder / "drive", "--step", "3", *_FAST[:2], "-o", tmp_path)
     [row] = _table(tmp_path / "tables" / "pairs.csv")
     assert (row["target"], row["source"]) == ("scan0", "scan3")
     assert row["translation error [m]"] == ""
 
 
-def test_without_poses_methods_may_agree(scanlock, folder, tmp_path):
+def test_a_consensus_replaces_missing_poses(scanlock, folder, tmp_path):
     files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
-    done = scanlock("compare", *files, "--agree", *FAST, "-o", tmp_path)
+    done = scanlock("compare", *files, "--agree", *_FAST, "-o", tmp_path)
     assert done.code == 0
     assert len(_table(tmp_path / "tables" / "basin.csv")) == 8
     assert "are a consensus of the methods" in (tmp_path / "index.md").read_text()
 
 
-def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, folder, tmp_path):
+def test_results_are_reproducible_and_read_from_disk_if_present(scanlock, folder, tmp_path):
     arguments = [
         "compare",
         folder / "drive",
         "--poses",
         folder / "poses.txt",
-        *FAST,
+        *_FAST,
         "--pairs",
         "1",
     ]
     for name in ("one", "two", "one"):
         done = scanlock(*arguments, "-o", tmp_path / name)
-    # The third run found all on disk, and files know no times.
+    # The third run reads all records from disk, and records have no run times.
     assert re.search(r"sgc-ndt-d2d .* -\n", done.out)
     files = [
         {path.relative_to(tmp_path / name): path.read_bytes() for path in found if path.is_file()}
@@ -99,7 +99,7 @@ def test_the_same_command_gives_the_same_bytes_and_registers_once(scanlock, fold
     assert not any(str(tmp_path).encode() in content for content in files[0].values())
 
 
-def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
+def test_a_settings_file_is_an_additional_method(scanlock, folder, tmp_path):
     write_settings(tmp_path / "mine.toml", replace(METHOD, voxel_size=0.7))
     done = scanlock(
         "compare", folder / "drive", "--pairs", "1", "--methods", "sgc-ndt-d2d",
@@ -129,7 +129,7 @@ def test_settings_of_ones_own_are_one_more_method(scanlock, folder, tmp_path):
         (["drive", "--agree", "--distances", "2", "1"], "distances must be strictly ascending"),
     ],
 )
-def test_wrong_arguments_are_told_before_the_work(
+def test_invalid_arguments_are_refused_before_the_work(
     scanlock, folder, tmp_path, monkeypatch, arguments, message
 ):
     monkeypatch.chdir(folder)

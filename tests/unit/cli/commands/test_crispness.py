@@ -5,7 +5,7 @@ import numpy as np
 from scanlock.io import write_scan
 
 
-def test_maps_are_compared_by_the_voxels_they_fill(scanlock, tmp_path):
+def test_maps_are_compared_by_their_occupied_voxels(scanlock, tmp_path):
     grid = np.mgrid[0:1:0.05, 0:1:0.05, 0:1:0.5].reshape(3, -1).T + 0.01
     write_scan(tmp_path / "crisp.ply", grid)
     write_scan(tmp_path / "blurred.ply", np.vstack([grid, grid + np.array([0.0, 0.0, 0.1])]))
@@ -16,11 +16,11 @@ def test_maps_are_compared_by_the_voxels_they_fill(scanlock, tmp_path):
     assert scanlock("crispness", tmp_path / "crisp.ply", "--voxel-size", "0").code == 1
 
 
-def test_maps_far_from_zero_are_counted_in_one_grid(scanlock, tmp_path):
+def test_maps_far_from_the_origin_share_one_grid(scanlock, tmp_path):
     rng = np.random.default_rng(0)
     far = np.array([500_000.0, 5_400_000.0, 120.0])
     points = rng.uniform(-20.0, 20.0, (3000, 3)) + far
-    # More points on one side: the middles of the maps differ, and their voxels must not.
+    # With more points on one side, the medians of the maps differ, but not the grid.
     more = np.vstack([points, points[:2000] + np.array([60.0, 10.0, 1.0])])
     write_scan(tmp_path / "a.npy", points)
     write_scan(tmp_path / "b.npy", more)

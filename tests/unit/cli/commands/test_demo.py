@@ -19,12 +19,12 @@ def pair():
 
 
 @pytest.fixture
-def small(monkeypatch, pair):
+def small_scans(monkeypatch, pair):
     monkeypatch.setattr("scanlock.simulation.scan_pair", lambda *_, **__: pair)
 
 
-def test_without_matplotlib_there_is_all_but_the_picture(
-    scanlock, small, monkeypatch, pair, tmp_path
+def test_all_files_but_the_picture_are_written_without_matplotlib(
+    scanlock, small_scans, monkeypatch, pair, tmp_path
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     done = scanlock("demo", "-o", tmp_path / "new")
@@ -39,7 +39,7 @@ def test_without_matplotlib_there_is_all_but_the_picture(
     )
 
 
-def test_the_result_stands_beside_the_truth(scanlock, small, pair, tmp_path):
+def test_the_result_is_printed_with_the_truth_and_the_error(scanlock, small_scans, pair, tmp_path):
     done = scanlock("demo", "-o", tmp_path)
     assert done.code == 0
     lines = [line.split() for line in done.out.splitlines()]

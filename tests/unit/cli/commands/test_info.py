@@ -5,18 +5,18 @@ import numpy as np
 from scanlock.io import describe_scan, write_scan
 
 
-def test_json_is_the_description(scanlock, scans):
-    done = scanlock("info", scans / "gaps.pcd", "--json")
+def test_json_equals_the_description(scanlock, scans):
+    done = scanlock("info", scans / "invalid_rows.pcd", "--json")
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out) == json.loads(
-        json.dumps(describe_scan(scans / "gaps.pcd").as_dict())
+        json.dumps(describe_scan(scans / "invalid_rows.pcd").as_dict())
     )
 
 
-def test_people_read_the_facts_and_then_the_guesses(scanlock, scans):
-    done = scanlock("info", scans / "gaps.pcd")
+def test_facts_are_printed_before_guesses(scanlock, scans):
+    done = scanlock("info", scans / "invalid_rows.pcd")
     lines = done.out.splitlines()
-    assert lines[0] == str(scans / "gaps.pcd")
+    assert lines[0] == str(scans / "invalid_rows.pcd")
     facts, guesses = done.out.split("guesses\n")
     assert "  points       6,000, 600 columns x 10 rows\n" in facts
     assert "600 with NaN or Inf, 600 at (0, 0, 0)\n" in facts
@@ -26,13 +26,13 @@ def test_people_read_the_facts_and_then_the_guesses(scanlock, scans):
     assert max(map(len, lines[1:])) <= 80
 
 
-def test_names_of_columns_can_be_given(scanlock, scans):
+def test_column_names_can_be_given(scanlock, scans):
     done = scanlock("info", scans / "float32.bin", "--columns", "x y z", "--json")
     assert (json.loads(done.out)["points"], json.loads(done.out)["fields"]) == (6000, [])
     assert scanlock("info", scans / "float32.bin", "--columns", "x y").code == 1
 
 
-def test_many_fields_are_cut_short(scanlock, tmp_path):
+def test_long_lists_of_fields_are_truncated(scanlock, tmp_path):
     points = np.random.default_rng(0).normal(size=(50, 3))
     fields = {f"field_{k}": np.full(50, np.nan) for k in range(30)}
     write_scan(tmp_path / "wide.ply", points, fields)
@@ -42,7 +42,7 @@ def test_many_fields_are_cut_short(scanlock, tmp_path):
     assert "and 6 more\n" in out
 
 
-def test_map_coordinates_and_times_are_told(scanlock, tmp_path):
+def test_map_coordinates_and_times_are_printed(scanlock, tmp_path):
     points = np.random.default_rng(0).uniform([4e5, 5e6, 0.0], [4e5 + 30, 5e6 + 30, 30], (500, 3))
     fields = {"ring": np.arange(500) % 16, "time": np.linspace(0.0, 0.1, 500)}
     write_scan(tmp_path / "far.ply", points, fields)

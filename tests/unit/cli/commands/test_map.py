@@ -20,7 +20,7 @@ def drive(tmp_path_factory):
     return folder
 
 
-def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_path):
+def test_a_folder_gives_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_path):
     done = scanlock("map", drive, "-o", tmp_path / "out")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith("ok  3 of 3 pairs are verified")
@@ -33,7 +33,7 @@ def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_pa
     cloud = read_scan(tmp_path / "out" / "map.ply").points
     assert f"{len(cloud):,} voxels of 0.1 m" in done.out
     assert 10_000 < len(cloud) < 4 * 7000
-    # What is counted is what the file holds.
+    # The printed count is that of the file.
     counted = scanlock("crispness", tmp_path / "out" / "map.ply", "--json")
     assert json.loads(counted.out)["maps"][0]["voxels"] == len(cloud)
     with (tmp_path / "out" / "pairs.csv").open(newline="") as handle:
@@ -46,13 +46,13 @@ def test_a_folder_becomes_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_pa
     np.testing.assert_allclose([float(row["moved_m"]) for row in rows], 1.5, atol=0.1)
     np.testing.assert_allclose([float(row["turned_deg"]) for row in rows], 5.73, atol=0.5)
     assert (tmp_path / "out" / "map.png").read_bytes().startswith(b"\x89PNG")
-    # A map is the work of minutes: it is never overwritten.
+    # An existing map is never overwritten.
     again = scanlock("map", drive, "-o", tmp_path / "out")
     assert again.code == 1
     assert "contains a map already" in again.err
 
 
-def test_the_same_folder_twice_gives_the_same_bytes(scanlock, drive, tmp_path):
+def test_results_are_bitwise_reproducible(scanlock, drive, tmp_path):
     for name in ("a", "b"):
         assert scanlock("map", drive, "-o", tmp_path / name, "--every", "2").code == 0
     for file in sorted((tmp_path / "a").iterdir()):
@@ -61,7 +61,7 @@ def test_the_same_folder_twice_gives_the_same_bytes(scanlock, drive, tmp_path):
 
 @pytest.fixture
 def broken_chain(tmp_path):
-    """Three scans of one place, the last from another world."""
+    """Four scans, two of each of two scenes."""
     folder = tmp_path / "broken"
     folder.mkdir()
     for k, layout in enumerate((42, 42, 77, 77)):
@@ -69,7 +69,7 @@ def broken_chain(tmp_path):
     return folder
 
 
-def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_chain, tmp_path):
+def test_an_untrusted_pair_is_named_and_kept(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--guess", "identity")
     assert (done.code, done.err) == (2, "")
     assert done.out.startswith("unverified  2 of 3 pairs")
@@ -79,7 +79,7 @@ def test_a_pair_that_is_not_to_be_trusted_is_named_and_kept(scanlock, broken_cha
     assert statuses.count(",ok,") == 2
 
 
-def test_a_drive_can_be_stopped_before_the_first_unverified_scan(scanlock, broken_chain, tmp_path):
+def test_a_drive_can_be_stopped_at_the_first_untrusted_pair(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--unverified", "stop")
     assert done.code == 2
     assert done.out.startswith("unverified  1 of 2 pairs")
@@ -93,7 +93,7 @@ def test_a_drive_can_be_stopped_before_the_first_unverified_scan(scanlock, broke
     assert len(rows) == 2
 
 
-def test_a_broken_scan_leaves_the_map_up_to_it(scanlock, drive, tmp_path):
+def test_a_damaged_scan_leaves_the_map_of_the_previous_ones(scanlock, drive, tmp_path):
     folder = tmp_path / "cut"
     folder.mkdir()
     for k in range(3):
@@ -107,17 +107,17 @@ def test_a_broken_scan_leaves_the_map_up_to_it(scanlock, drive, tmp_path):
     assert len(read_scan(tmp_path / "out" / "map.ply")) > 5000
 
 
-def test_an_interrupt_waits_until_a_scan_is_laid(scanlock, monkeypatch, drive, tmp_path):
+def test_an_interrupt_is_delayed_until_a_scan_is_added(scanlock, monkeypatch, drive, tmp_path):
     from scanlock.evaluation.voxel_map import VoxelMap
 
-    lay = VoxelMap.add
-    laid = []
+    add = VoxelMap.add
+    added = []
 
     def interrupted(self, points):
-        laid.append(points)
-        if len(laid) == 3:
+        added.append(points)
+        if len(added) == 3:
             signal.raise_signal(signal.SIGINT)
-        lay(self, points)
+        add(self, points)
 
     monkeypatch.setattr(VoxelMap, "add", interrupted)
     done = scanlock("map", drive, "-o", tmp_path / "out")
@@ -128,7 +128,7 @@ def test_an_interrupt_waits_until_a_scan_is_laid(scanlock, monkeypatch, drive, t
     assert len(read_scan(tmp_path / "out" / "map.ply").points) > 2 * 7000
 
 
-def test_without_matplotlib_there_is_no_picture_and_all_else(
+def test_all_files_but_the_picture_are_written_without_matplotlib(
     scanlock, monkeypatch, drive, tmp_path
 ):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
@@ -148,14 +148,14 @@ def test_without_matplotlib_there_is_no_picture_and_all_else(
         (["--voxel-size", "0"], "--voxel-size must be positive"),
     ],
 )
-def test_wrong_numbers_are_one_line(scanlock, drive, tmp_path, options, message):
+def test_invalid_numbers_are_an_error_of_one_line(scanlock, drive, tmp_path, options, message):
     done = scanlock("map", drive, "-o", tmp_path / "out", *options)
     assert done.code == 1
     assert message in done.err
     assert done.err.count("\n") == 1
 
 
-def test_a_drive_may_be_flat_and_have_settings_of_its_own(scanlock, drive, tmp_path):
+def test_a_drive_accepts_locked_directions_and_a_settings_file(scanlock, drive, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(scanlock("settings", "sgc-ndt-p2d").out)
     done = scanlock("map", drive, "-o", tmp_path / "out", "--settings", path, "--dof", "xy+yaw")
@@ -164,7 +164,7 @@ def test_a_drive_may_be_flat_and_have_settings_of_its_own(scanlock, drive, tmp_p
         np.testing.assert_allclose(pose.matrix[2], [0.0, 0.0, 1.0, 0.0], atol=1e-9)
 
 
-def test_a_method_has_its_settings_from_one_place(scanlock, drive, tmp_path):
+def test_method_and_settings_exclude_each_other(scanlock, drive, tmp_path):
     done = scanlock("map", drive, "-o", tmp_path, "--method", "icp", "--settings", "mine.toml")
     assert done.code == 1
     assert "give either --method or --settings" in done.err

@@ -32,7 +32,7 @@ def test_the_pose_maps_the_source_onto_the_target(scanlock, scans, pair):
     assert "history" not in result
 
 
-def test_status_and_pose_come_first_and_details_with_verbose(scanlock, pair):
+def test_status_and_pose_are_printed_first_and_details_with_verbose(scanlock, pair):
     done = scanlock("register", *pair)
     lines = done.out.splitlines()
     assert lines[0] == "ok  source onto target"
@@ -59,7 +59,7 @@ def test_status_and_pose_come_first_and_details_with_verbose(scanlock, pair):
         assert f" {stage} " in details
 
 
-def test_every_file_keeps_the_pose_to_the_last_bit(scanlock, pair, tmp_path):
+def test_all_pose_files_have_full_precision(scanlock, pair, tmp_path):
     files = [tmp_path / "new" / f"pose{ending}" for ending in (".txt", ".npy", ".json")]
     printed = json.loads(scanlock("register", *pair, "--json", "-o", files[0]).out)
     for path in files[1:]:
@@ -78,7 +78,7 @@ def test_a_written_pose_is_a_valid_initial_pose(scanlock, scans, pair, tmp_path,
     scanlock("register", *pair, "-o", path)
     again = scanlock("register", *pair, "--initial", path, "--json")
     assert again.code == 0
-    # Started where the first one ended, the finest scale agrees.
+    # A start at the result converges to the same pose.
     metres, radians = read_pose(path).distance(
         Pose.from_matrix(json.loads(again.out)["target_from_source"])
     )
@@ -97,16 +97,18 @@ def test_a_narrow_prior_keeps_the_initial_pose_and_a_wide_one_does_not(scanlock,
     start = Pose.identity().retract(np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.02]))
     np.savetxt(tmp_path / "start.txt", start.matrix)
     moved = {}
-    for name, prior in {"firm": ("1e-5", "1e-4"), "loose": ("100", "90")}.items():
+    for name, prior in {"narrow": ("1e-5", "1e-4"), "wide": ("100", "90")}.items():
         done = scanlock(
             "register", *pair, "--initial", tmp_path / "start.txt", "--prior", *prior, "--json"
         )
         pose = Pose.from_matrix(json.loads(done.out)["target_from_source"])
         moved[name] = pose.distance(start)[0]
-    free = scanlock("register", *pair, "--initial", tmp_path / "start.txt", "--json")
-    wanted = Pose.from_matrix(json.loads(free.out)["target_from_source"]).distance(start)[0]
-    assert moved["firm"] < 1e-3 < 0.1 < wanted
-    assert moved["loose"] == pytest.approx(wanted, abs=1e-3)
+    without_prior = scanlock("register", *pair, "--initial", tmp_path / "start.txt", "--json")
+    unconstrained = Pose.from_matrix(json.loads(without_prior.out)["target_from_source"]).distance(
+        start
+    )[0]
+    assert moved["narrow"] < 1e-3 < 0.1 < unconstrained
+    assert moved["wide"] == pytest.approx(unconstrained, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +118,7 @@ def test_a_narrow_prior_keeps_the_initial_pose_and_a_wide_one_does_not(scanlock,
         (("1", "-2"), "--prior must be positive, got -2.0 deg"),
     ],
 )
-def test_a_prior_without_width_is_refused(scanlock, pair, prior, message):
+def test_a_prior_without_deviation_is_refused(scanlock, pair, prior, message):
     done = scanlock("register", *pair, "--prior", *prior)
     assert (done.code, done.out) == (1, "")
     assert message in done.err
@@ -124,12 +126,12 @@ def test_a_prior_without_width_is_refused(scanlock, pair, prior, message):
 
 def test_the_covariance_is_printed_on_request(scanlock, pair):
     done = scanlock("register", *pair, "--covariance", "sandwich", "--json")
-    told = json.loads(done.out)["covariance"]
-    assert (done.code, told["method"]) == (0, "sandwich")
-    assert np.linalg.eigvalsh(told["matrix"]).min() > 0.0
-    shown = scanlock("register", *pair, "--covariance", "sandwich").out
-    assert "deviation" in shown
-    assert "forward" in shown
+    covariance = json.loads(done.out)["covariance"]
+    assert (done.code, covariance["method"]) == (0, "sandwich")
+    assert np.linalg.eigvalsh(covariance["matrix"]).min() > 0.0
+    printed = scanlock("register", *pair, "--covariance", "sandwich").out
+    assert "deviation" in printed
+    assert "forward" in printed
     assert json.loads(scanlock("register", *pair, "--json").out)["covariance"] is None
 
 
@@ -161,7 +163,7 @@ def test_a_failed_registration_prints_its_result_and_exits_with_2(scanlock, scan
     assert saved["reason"] in " ".join(done.out.split())
 
 
-def test_a_failure_in_json_is_json_too(scanlock, scans, tmp_path):
+def test_a_failed_registration_prints_json(scanlock, scans, tmp_path):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (3000, 3)) * [1.0, 1.0, 0.0]
     np.save(tmp_path / "flat.npy", flat)
     options = ("--method", "sgc-ndt-d2d", "--json")
@@ -172,7 +174,7 @@ def test_a_failure_in_json_is_json_too(scanlock, scans, tmp_path):
     assert result["metrics"]["overlap"] is None
 
 
-def test_verbose_shows_each_step_of_each_run_of_the_solver(scanlock, pair):
+def test_verbose_prints_every_evaluation_of_every_run(scanlock, pair):
     done = scanlock("register", *pair, "--verbose", "--method", "sgc-ndt-d2d")
     table = done.out[done.out.index("  run  ") :].splitlines()
     assert " ".join(table[0].split()) == "run evaluation value step [m] gradient accepted"
@@ -180,7 +182,7 @@ def test_verbose_shows_each_step_of_each_run_of_the_solver(scanlock, pair):
     assert [int(row[1]) for row in rows] == list(range(1, len(rows) + 1))
     runs = [int(row[0]) for row in rows]
     assert runs == np.cumsum([float(row[3]) == 0.0 for row in rows]).tolist()
-    assert runs[-1] >= 5  # one for each scale, at least
+    assert runs[-1] >= 5  # at least one per scale
     full = json.loads(
         scanlock("register", *pair, "--verbose", "--json", "--method", "sgc-ndt-d2d").out
     )
@@ -188,17 +190,19 @@ def test_verbose_shows_each_step_of_each_run_of_the_solver(scanlock, pair):
     assert [step["run"] for step in full["history"]] == runs
 
 
-def test_a_method_is_chosen_by_name(scanlock, pair):
+def test_a_method_is_selected_by_name(scanlock, pair):
     done = scanlock("register", *pair, "--method", "sgc-ndt-p2d", "--json")
     assert json.loads(done.out)["method"] == "sgc-ndt-p2d"
 
 
-def test_rows_without_a_return_are_left_out(scanlock, scans):
-    done = scanlock("register", scans / "gaps.pcd", scans / "target.npy", "--json")
+def test_rows_without_a_return_are_ignored(scanlock, scans):
+    done = scanlock("register", scans / "invalid_rows.pcd", scans / "target.npy", "--json")
     assert done.code == 0
     matrix = np.array(json.loads(done.out)["target_from_source"])
     assert np.abs(matrix - np.eye(4)).max() < 0.02
-    text = " ".join(scanlock("register", scans / "gaps.pcd", scans / "target.npy").out.split())
+    text = " ".join(
+        scanlock("register", scans / "invalid_rows.pcd", scans / "target.npy").out.split()
+    )
     assert "6,000 points, 600 of them blank (0, 0, 0) (moves)" in text
 
 
@@ -214,20 +218,20 @@ def test_motion_in_map_coordinates_is_that_of_the_centroid(scanlock, scans, tmp_
     joined = " ".join(done.out.split())
     assert "at the centroid, 50" in joined
     scan = np.load(tmp_path / "source.npy")
-    carried = read_pose(tmp_path / "pose.txt").apply(scan)
+    transformed = read_pose(tmp_path / "pose.txt").apply(scan)
     truth = Pose.from_matrix(np.load(scans / "truth.npy"))
     expected = truth.apply(np.load(scans / "source.npy")) + far
-    assert np.abs(carried - expected).max() < 0.3
-    # Another tool with nothing but what the screen shows, in double precision.
-    said = joined.split("target from source: rotation and translation [m] ")[1].split()[:12]
-    printed = np.array(said, float).reshape(3, 4)
-    assert np.abs(scan @ printed[:, :3].T + printed[:, 3] - carried).max() < 1e-3
+    assert np.abs(transformed - expected).max() < 0.3
+    # The printed matrix, applied by another tool in double precision.
+    matrix_text = joined.split("target from source: rotation and translation [m] ")[1].split()[:12]
+    printed = np.array(matrix_text, float).reshape(3, 4)
+    assert np.abs(scan @ printed[:, :3].T + printed[:, 3] - transformed).max() < 1e-3
     origins = joined.split("about the origins ")[1]
     numbers = re.findall(r"-?[\d.]+", origins)[:18]
     target_origin, source_origin = np.array(numbers[:6], float).reshape(2, 3)
     local = np.array(numbers[6:], float).reshape(3, 4)
     moved = (scan - source_origin) @ local[:, :3].T + local[:, 3] + target_origin
-    assert np.abs(moved - carried).max() < 1e-3
+    assert np.abs(moved - transformed).max() < 1e-3
 
 
 def test_a_picture_is_drawn(scanlock, pair, tmp_path):
@@ -245,14 +249,16 @@ def test_a_picture_is_drawn(scanlock, pair, tmp_path):
         ("--picture", "pair.jpeg", [".png, .pdf, .svg"]),
     ],
 )
-def test_an_unknown_file_ending_is_refused_before_the_work(scanlock, tmp_path, option, name, parts):
+def test_an_unknown_extension_is_refused_before_the_work(scanlock, tmp_path, option, name, parts):
     done = scanlock("register", "nowhere.bin", "nowhere.bin", option, tmp_path / name)
     assert done.code == 1
     assert all(part in done.err for part in parts)
     assert "nowhere" not in done.err
 
 
-def test_a_picture_without_matplotlib_says_what_to_install(scanlock, monkeypatch, pair, tmp_path):
+def test_a_picture_without_matplotlib_names_the_missing_extra(
+    scanlock, monkeypatch, pair, tmp_path
+):
     import sys
 
     monkeypatch.setitem(sys.modules, "matplotlib", None)
@@ -270,13 +276,13 @@ def test_a_picture_without_matplotlib_says_what_to_install(scanlock, monkeypatch
         (".", ["found a folder"]),
     ],
 )
-def test_a_bad_file_is_one_line_with_a_remedy(scanlock, scans, name, parts):
+def test_an_invalid_file_is_an_error_of_one_line_with_a_remedy(scanlock, scans, name, parts):
     done = scanlock("register", scans / name, scans / "target.npy")
     assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
     assert all(part in done.err for part in parts)
 
 
-def test_a_bad_initial_pose_names_its_file(scanlock, pair, tmp_path):
+def test_an_invalid_initial_pose_names_its_file(scanlock, pair, tmp_path):
     path = tmp_path / "guess.txt"
     path.write_text("1 2 3\n4 5 6\n")
     done = scanlock("register", *pair, "--initial", path)
@@ -305,8 +311,8 @@ def test_an_initial_pose_with_few_digits_is_corrected_and_noted(
     assert not notes[17]
     [note] = notes[3]
     assert 1e-5 < float(note.split(" was ")[1].split()[0]) < 1e-3
-    shown = scanlock("register", *pair, "--initial", tmp_path / f"guess3{ending}").out
-    assert f"note {note}" in " ".join(shown.split())
+    printed = scanlock("register", *pair, "--initial", tmp_path / f"guess3{ending}").out
+    assert f"note {note}" in " ".join(printed.split())
 
 
 @pytest.mark.parametrize(
@@ -328,7 +334,7 @@ def test_an_initial_pose_far_from_a_rotation_is_refused(
     assert message in done.err
 
 
-def test_a_format_can_be_given_where_the_name_misleads(scanlock, scans, tmp_path):
+def test_a_format_can_be_given_for_an_unknown_extension(scanlock, scans, tmp_path):
     odd = tmp_path / "scan.dat"
     odd.write_bytes((scans / "float32.bin").read_bytes())
     assert scanlock("register", odd, odd).code == 1
@@ -345,7 +351,7 @@ def test_a_scan_is_never_overwritten_by_a_pose(scanlock, scans, pair):
     assert pair[1].read_bytes() == before
 
 
-def test_a_folder_that_cannot_be_made_is_one_line(scanlock, pair, tmp_path):
+def test_a_folder_that_cannot_be_created_is_an_error_of_one_line(scanlock, pair, tmp_path):
     (tmp_path / "file").touch()
     done = scanlock("register", *pair, "-o", tmp_path / "file" / "pose.txt")
     assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)

@@ -13,11 +13,11 @@ from scanlock.io import write_kitti_poses, write_scan
 
 @pytest.fixture
 def toys(monkeypatch):
-    """Experiments with two methods, on four toy scans where no folder is named."""
-    asked = []
+    """Experiments with two methods, on four toy scans instead of simulated ones."""
+    calls = []
 
     def simulated(scans, seed):
-        asked.append((scans, seed))
+        calls.append((scans, seed))
         return toy_series()
 
     toys = {
@@ -29,14 +29,14 @@ def toys(monkeypatch):
         for name, experiment in module.EXPERIMENTS.items()
     }
     monkeypatch.setattr(module, "EXPERIMENTS", toys)
-    return asked
+    return calls
 
 
-def test_the_names_are_those_of_the_experiments():
+def test_names_equal_those_of_the_experiments():
     assert get_args(command.ExperimentName) == tuple(module.EXPERIMENTS)
 
 
-def test_the_page_is_written_and_the_numbers_are_shown(scanlock, toys, tmp_path):
+def test_the_page_is_written_and_the_results_are_printed(scanlock, toys, tmp_path):
     done = scanlock("reproduce", "forest", "-o", tmp_path, "--scans", "4", "--seed", "7")
     assert (done.code, done.err) == (0, "")
     assert toys == [(4, 7)]
@@ -49,7 +49,7 @@ def test_the_page_is_written_and_the_numbers_are_shown(scanlock, toys, tmp_path)
     assert re.search(r"undecided +The maps of both", done.out)
 
 
-def test_a_second_run_registers_nothing_and_knows_no_times(scanlock, toys, tmp_path):
+def test_a_second_run_reads_records_without_run_times(scanlock, toys, tmp_path):
     scanlock("reproduce", "urban", "-o", tmp_path)
     page = (tmp_path / "index.md").read_bytes()
     done = scanlock("reproduce", "urban", "-o", tmp_path)
@@ -65,12 +65,12 @@ def test_the_folder_is_named_after_the_experiment(scanlock, toys, tmp_path, monk
     assert toys == [(module.EXPERIMENTS["forest"].scans, 1)]
 
 
-def test_recorded_scans_are_taken_as_the_paper_took_its_own(scanlock, toys, tmp_path):
+def test_recorded_scans_have_the_interval_of_the_paper(scanlock, toys, tmp_path):
     series = toy_series()
     data = tmp_path / "data"
     data.mkdir()
     every = module.EXPERIMENTS["urban"].every
-    # Only every tenth of them is looked at, so all others can be the same.
+    # Only every tenth scan is used, so the others can be copies.
     for number in range(2 * every + 1):
         write_scan(data / f"{number:03d}.npy", series.load(series.names[number // every]))
     write_kitti_poses(
@@ -98,7 +98,9 @@ def test_recorded_scans_are_taken_as_the_paper_took_its_own(scanlock, toys, tmp_
         (["moon"], "urban"),
     ],
 )
-def test_wrong_arguments_are_told_before_the_work(scanlock, toys, tmp_path, arguments, message):
+def test_invalid_arguments_are_refused_before_the_work(
+    scanlock, toys, tmp_path, arguments, message
+):
     done = scanlock("reproduce", *arguments, "-o", tmp_path / "out")
     assert (done.code, done.out) == (1, "")
     assert message in done.err

@@ -11,8 +11,8 @@ from scanlock.io import read_labels, read_scan, write_scan
 
 @pytest.fixture(scope="module")
 def expected(scans):
-    """The labels of the scan with gaps, whose blanks are at the sensor and so no points."""
-    points = np.array(read_scan(scans / "gaps.pcd").points)
+    """Labels of the scan with invalid rows, without its points at the sensor."""
+    points = np.array(read_scan(scans / "invalid_rows.pcd").points)
     points[(points == 0.0).all(axis=1)] = np.nan
     return segment(points).labels
 
@@ -20,7 +20,7 @@ def expected(scans):
 @pytest.mark.parametrize("ending", [".npy", ".txt", ".csv"])
 def test_labels_follow_the_rows_of_the_file(scanlock, scans, tmp_path, expected, ending):
     path = tmp_path / "new" / f"labels{ending}"
-    done = scanlock("segment", scans / "gaps.pcd", "-o", path)
+    done = scanlock("segment", scans / "invalid_rows.pcd", "-o", path)
     assert (done.code, done.err) == (0, "")
     labels = read_labels(path, count=6000)
     np.testing.assert_array_equal(labels, expected)
@@ -30,16 +30,16 @@ def test_labels_follow_the_rows_of_the_file(scanlock, scans, tmp_path, expected,
     assert f"wrote {path}" in done.out
 
 
-def test_semantic_kitti_labels_hold_class_and_instance(scanlock, scans, tmp_path, expected):
+def test_semantic_kitti_labels_contain_class_and_instance(scanlock, scans, tmp_path, expected):
     path = tmp_path / "scan.label"
-    assert scanlock("segment", scans / "gaps.pcd", "-o", path).code == 0
+    assert scanlock("segment", scans / "invalid_rows.pcd", "-o", path).code == 0
     packed = read_labels(path, count=6000)
     kind, instance = packed & 0xFFFF, packed >> 16
     np.testing.assert_array_equal(kind, np.select([expected == 0, expected > 0], [49, 99], 0))
     np.testing.assert_array_equal(instance, np.maximum(expected, 0))
 
 
-def test_more_clusters_than_semantic_kitti_counts_are_refused():
+def test_more_clusters_than_semantic_kitti_allows_are_refused():
     assert semantic_kitti_labels(np.array([65535]))[0] == 65535 * 65536 + 99
     with pytest.raises(InvalidInput, match=r"65535 clusters, got 65536; write \.npy"):
         semantic_kitti_labels(np.array([0, 65536]))
@@ -48,28 +48,28 @@ def test_more_clusters_than_semantic_kitti_counts_are_refused():
 @pytest.mark.parametrize("ending", [".ply", ".pcd", ".npz"])
 def test_a_scan_is_written_with_its_fields_and_labels(scanlock, scans, tmp_path, expected, ending):
     path = tmp_path / f"scan{ending}"
-    assert scanlock("segment", scans / "gaps.pcd", "-o", path).code == 0
-    before, after = read_scan(scans / "gaps.pcd"), read_scan(path)
+    assert scanlock("segment", scans / "invalid_rows.pcd", "-o", path).code == 0
+    before, after = read_scan(scans / "invalid_rows.pcd"), read_scan(path)
     np.testing.assert_array_equal(after.points, before.points)
     np.testing.assert_array_equal(after.fields["intensity"], before.fields["intensity"])
     np.testing.assert_array_equal(after.fields["label"], expected)
     assert after.height == (before.height if ending == ".pcd" else 1)
 
 
-def test_a_survey_keeps_its_digits_and_gets_labels(scanlock, scans, tmp_path):
+def test_map_coordinates_keep_their_precision(scanlock, scans, tmp_path):
     pytest.importorskip("laspy")
     far = np.array([4e5, 5e6, 100.0]) + np.load(scans / "target.npy").round(3)
     write_scan(tmp_path / "survey.las", far)
-    done = scanlock("segment", tmp_path / "survey.las", "-o", tmp_path / "parts.laz")
+    done = scanlock("segment", tmp_path / "survey.las", "-o", tmp_path / "labelled.laz")
     assert (done.code, done.err) == (0, "")
-    after = read_scan(tmp_path / "parts.laz")
+    after = read_scan(tmp_path / "labelled.laz")
     assert np.abs(after.points - read_scan(tmp_path / "survey.las").points).max() < 1e-3
     np.testing.assert_array_equal(after.fields["label"], segment(after.points).labels)
 
 
-def test_labels_that_a_scan_has_already_are_kept(scanlock, scans, tmp_path):
+def test_an_existing_label_field_is_kept(scanlock, scans, tmp_path):
     first, second = tmp_path / "first.ply", tmp_path / "second.ply"
-    scanlock("segment", scans / "gaps.pcd", "-o", first)
+    scanlock("segment", scans / "invalid_rows.pcd", "-o", first)
     done = scanlock("segment", first, "-o", second)
     fields = read_scan(second).fields
     np.testing.assert_array_equal(fields["label"], fields["scanlock_label"])
@@ -77,19 +77,19 @@ def test_labels_that_a_scan_has_already_are_kept(scanlock, scans, tmp_path):
 
 
 def test_the_summary_counts_every_row_once(scanlock, scans, expected):
-    summary = json.loads(scanlock("segment", scans / "gaps.pcd", "--json").out)
-    counts = [summary[f"{part}_points"] for part in ("ground", "cluster", "left_out")]
+    summary = json.loads(scanlock("segment", scans / "invalid_rows.pcd", "--json").out)
+    counts = [summary[f"{kind}_points"] for kind in ("ground", "cluster", "left_out")]
     assert counts == [(expected == 0).sum(), (expected > 0).sum(), (expected == -1).sum()]
     assert summary["points"] == sum(counts) == 6000
     assert summary["clusters"] == expected.max()
     assert summary["sensor_height_m"] == pytest.approx(1.7, abs=0.05)
     assert summary["ground_status"] == "found"
-    text = " ".join(scanlock("segment", scans / "gaps.pcd").out.split())
+    text = " ".join(scanlock("segment", scans / "invalid_rows.pcd").out.split())
     assert f"ground {counts[0]:,} points" in text
     assert f"clusters {summary['clusters']} of" in text
 
 
-def test_a_scan_without_ground_says_so(scanlock, tmp_path):
+def test_a_scan_without_ground_is_reported(scanlock, tmp_path):
     ball = np.random.default_rng(0).normal(size=(3000, 3)) * 5.0
     np.save(tmp_path / "ball.npy", ball)
     done = scanlock("segment", tmp_path / "ball.npy")
@@ -102,18 +102,18 @@ def test_a_scan_without_ground_says_so(scanlock, tmp_path):
 
 def test_a_picture_is_drawn(scanlock, scans, tmp_path):
     path = tmp_path / "new" / "scan.svg"
-    done = scanlock("segment", scans / "gaps.pcd", "--picture", path)
+    done = scanlock("segment", scans / "invalid_rows.pcd", "--picture", path)
     assert path.read_text().startswith("<?xml")
     assert done.out.endswith(f"wrote {path}\n")
 
 
-def test_an_unknown_ending_is_told_before_the_work(scanlock, tmp_path):
+def test_an_unknown_extension_is_refused_before_the_work(scanlock, tmp_path):
     done = scanlock("segment", "nowhere.bin", "-o", tmp_path / "scan.lable")
     assert done.code == 1
     assert "did you mean .label?" in done.err
 
 
-def test_the_scan_itself_is_never_overwritten(scanlock, tmp_path):
+def test_the_input_scan_is_never_overwritten(scanlock, tmp_path):
     path = tmp_path / "scan.npy"
     np.save(path, np.random.default_rng(0).normal(size=(500, 3)))
     before = path.read_bytes()
@@ -124,7 +124,7 @@ def test_the_scan_itself_is_never_overwritten(scanlock, tmp_path):
 
 
 @pytest.mark.parametrize("value", [np.nan, 0.0])
-def test_a_scan_without_a_point_names_its_file(scanlock, tmp_path, value):
+def test_a_scan_without_a_valid_point_names_its_file(scanlock, tmp_path, value):
     np.save(tmp_path / "empty.npy", np.full((100, 3), value))
     done = scanlock("segment", tmp_path / "empty.npy")
     assert (done.code, done.out) == (1, "")

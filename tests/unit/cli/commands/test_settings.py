@@ -4,14 +4,14 @@ from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 from scanlock.registration.settings.file import settings_from_toml
 
 
-def test_settings_are_printed_as_they_are(scanlock):
+def test_printed_settings_equal_those_of_the_method(scanlock):
     for name, method in METHODS.items():
         done = scanlock("settings", name)
         assert done.code == 0
         assert settings_from_toml(done.out) == method
 
 
-def test_settings_that_were_written_register(scanlock, scans, tmp_path):
+def test_written_settings_can_be_used_in_a_registration(scanlock, scans, tmp_path):
     path = tmp_path / "mine.toml"
     assert scanlock("settings", "sgc-ndt-p2d", "-o", path).out == f"wrote {path}\n"
     path.write_text(path.read_text().replace("voxel_size = 0.5", "voxel_size = 0.4"))
@@ -23,7 +23,7 @@ def test_settings_that_were_written_register(scanlock, scans, tmp_path):
     assert default["target_from_source"] != found["target_from_source"]
 
 
-def test_mistakes_are_one_line(scanlock, scans, tmp_path):
+def test_invalid_settings_are_an_error_of_one_line(scanlock, scans, tmp_path):
     pair = (scans / "source.npy", scans / "target.npy")
     path = tmp_path / "mine.toml"
     path.write_text('type = "SgcNdt"\nvoxel_size = -1\n')

@@ -23,7 +23,7 @@ def drive(tmp_path_factory):
     return folder
 
 
-def test_scans_labels_and_poses_belong_together(drive):
+def test_scans_labels_and_poses_are_consistent(drive):
     assert sorted(path.name for path in (drive / "scans").iterdir()) == [
         "000000.ply",
         "000001.ply",
@@ -39,13 +39,13 @@ def test_scans_labels_and_poses_belong_together(drive):
         labels = read_labels(drive / "labels" / f"{number:06d}.npy", count=len(scan))
         assert {"ring", "time"} == set(scan.fields)
         assert {SurfaceClass.GROUND, SurfaceClass.TRUNK} <= set(labels.tolist())
-        # The sensor drives about a metre above the ground.
+        # The sensor is about a metre above the ground.
         ground = scan.points[labels == SurfaceClass.GROUND]
         near = ground[np.hypot(ground[:, 0], ground[:, 1]) < 4.0]
         assert -1.4 < np.median(near[:, 2]) < -0.6
 
 
-def test_poses_carry_the_scans_onto_each_other(drive):
+def test_poses_align_the_scans(drive):
     from scipy.spatial import cKDTree
 
     poses = read_kitti_poses(drive / "poses_kitti.txt")
@@ -55,7 +55,7 @@ def test_poses_carry_the_scans_onto_each_other(drive):
     )
     labels = read_labels(drive / "labels" / "000001.npy")
     trunks = second[(labels == SurfaceClass.TRUNK)]
-    # What both see of a trunk lies as close as the beams, a few to the metre.
+    # Points of a trunk in both scans are as close as the beams, a few per metre.
     distances, _ = cKDTree(first).query(trunks)
     assert np.median(distances) < 0.25
     unmoved = read_scan(drive / "scans" / "000001.ply").points[labels == SurfaceClass.TRUNK]
@@ -63,7 +63,7 @@ def test_poses_carry_the_scans_onto_each_other(drive):
     assert np.median(wrong) > 2.0 * np.median(distances)
 
 
-def test_a_facet_ladar_gives_the_points_of_its_vehicle(scanlock, tmp_path):
+def test_scans_of_a_facet_ladar_are_in_the_frame_of_the_vehicle(scanlock, tmp_path):
     folder = tmp_path / "run"
     options = ["--sensor", "facet-ladar", "--scans", "2", "--format", "ply"]
     assert scanlock("simulate", "rugged", "-o", folder, *options).code == 0
@@ -76,7 +76,7 @@ def test_a_facet_ladar_gives_the_points_of_its_vehicle(scanlock, tmp_path):
         labels = read_labels(folder / "labels" / f"{number:06d}.npy", count=len(scan))
         assert 3000 < len(scan) < 5760
         assert (labels == SurfaceClass.GROUND).mean() > 0.2
-        # It looks ahead of the vehicle only, whose frame is 1.5 m above the ground.
+        # The field of view is ahead of the vehicle, with its frame 1.5 m above the ground.
         assert scan.points[:, 0].min() > 1.0
         assert scan.fields["ring"].max() < 32
         ground = scan.points[labels == SurfaceClass.GROUND]
@@ -84,7 +84,7 @@ def test_a_facet_ladar_gives_the_points_of_its_vehicle(scanlock, tmp_path):
         assert np.median(nearest[:, 2]) == pytest.approx(-1.5, abs=0.8)
 
 
-def test_settings_tell_how_to_make_and_read_them(drive):
+def test_settings_describe_generation_and_conventions(drive):
     content = json.loads((drive / "settings.json").read_text())
     assert content["settings"] == {
         "scene": "forest",
@@ -99,7 +99,7 @@ def test_settings_tell_how_to_make_and_read_them(drive):
     assert "world_from_sensor" in content["conventions"]["poses"]
 
 
-def test_a_folder_with_scans_is_left_alone(scanlock, drive):
+def test_a_folder_with_scans_is_not_overwritten(scanlock, drive):
     before = (drive / "settings.json").stat().st_mtime_ns
     done = scanlock("simulate", "forest", "-o", drive)
     assert (done.code, done.out) == (1, "")
@@ -108,7 +108,7 @@ def test_a_folder_with_scans_is_left_alone(scanlock, drive):
 
 
 @pytest.mark.parametrize("option", ["--scans", "--every", "--seed"])
-def test_counts_must_be_counts(scanlock, tmp_path, option):
+def test_counts_must_be_whole_numbers(scanlock, tmp_path, option):
     done = scanlock("simulate", "street", "-o", tmp_path / "new", option, "-1")
     assert done.code == 1
     assert f"{option} must be a whole number" in done.err
@@ -136,6 +136,6 @@ def test_an_interrupted_run_leaves_a_pose_for_each_scan(scanlock, tmp_path, monk
     assert (done.code, done.out, done.err) == (130, "", "")
     assert len(read_kitti_poses(tmp_path / "poses_kitti.txt")) == 2
     assert len(list((tmp_path / "scans").iterdir())) == 2
-    # KITTI's readers take four columns for granted.
+    # Readers of KITTI expect four columns.
     scan = read_scan(tmp_path / "scans" / "000000.bin")
     assert not scan.fields["intensity"].any()

@@ -12,11 +12,9 @@ import pytest
 from scanlock.cli.commands import warm_up
 from scanlock.cli.commands.warm_up import cache_location, ordered
 
-_needs_compiler = pytest.mark.skipif(
-    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
-)
+_needs_compiler = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 
-_USED_AFTERWARDS = """
+_SCRIPT = """
 import contextlib, importlib, io, pathlib, pkgutil, re
 import scanlock, scanlock.kernels
 from scanlock.cli import main
@@ -49,9 +47,9 @@ print(cold)
 
 
 @_needs_compiler
-def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
+def test_every_kernel_is_compiled_with_one_signature():
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", _USED_AFTERWARDS],
+        [sys.executable, "-W", "error", "-c", _SCRIPT],
         env=os.environ,
         capture_output=True,
         text=True,
@@ -61,7 +59,7 @@ def test_every_kernel_is_compiled_with_the_one_signature_that_is_used():
 
 
 @_needs_compiler
-def test_a_second_time_there_is_nothing_to_compile(scanlock):
+def test_a_second_run_compiles_nothing(scanlock):
     scanlock("warmup")
     done = scanlock("warmup")
     assert (done.code, done.err) == (0, "")
@@ -78,12 +76,12 @@ def test_a_second_time_there_is_nothing_to_compile(scanlock):
         (SimpleNamespace(), "NUMBA_DISABLE_JIT"),
     ],
 )
-def test_without_a_compiler_or_a_place_to_keep_it_the_remedy_is_named(monkeypatch, kernel, remedy):
+def test_a_remedy_is_named_without_a_compiler_or_a_cache(monkeypatch, kernel, remedy):
     monkeypatch.setattr("scanlock.kernels.points.polar.polar_cells", kernel)
     assert remedy in cache_location()
 
 
-def test_processes_that_share_the_work_begin_at_different_ends():
+def test_processes_start_with_different_steps():
     steps = list(range(9))
     orders = [ordered(steps, number) for number in range(4)]
     assert all(sorted(order) == steps for order in orders)
@@ -92,18 +90,18 @@ def test_processes_that_share_the_work_begin_at_different_ends():
     assert len({order[0] for order in orders}) == 4
 
 
-def test_an_interrupt_of_a_terminal_reaches_none_of_them_but_the_first(scanlock, monkeypatch):
-    heard = []
+def test_only_the_first_process_receives_the_interrupt_of_a_terminal(scanlock, monkeypatch):
+    handlers = []
 
     class Helper:
         def __init__(self, **_):
             pass
 
         def start(self):
-            heard.append(signal.getsignal(signal.SIGINT))
+            handlers.append(signal.getsignal(signal.SIGINT))
 
         def join(self):
-            heard.append(signal.getsignal(signal.SIGINT))
+            handlers.append(signal.getsignal(signal.SIGINT))
 
     taken = multiprocessing.Array("b", 1)
     context = SimpleNamespace(Array=lambda *_: taken, Process=Helper)
@@ -113,4 +111,4 @@ def test_an_interrupt_of_a_terminal_reaches_none_of_them_but_the_first(scanlock,
     monkeypatch.setattr(warm_up, "_cores", lambda: 2)
     monkeypatch.setattr(warm_up, "_steps", lambda: [lambda: None])
     assert scanlock("warmup").code == 0
-    assert heard == [signal.SIG_IGN, signal.default_int_handler]
+    assert handlers == [signal.SIG_IGN, signal.default_int_handler]

@@ -52,13 +52,13 @@ def test_each_drive_has_a_pair_with_its_true_motion(terrain):
     assert [(pair.target, pair.source) for pair in pairs] == [frame_names(0, d) for d in DRIVES]
     for drive, pair in zip(DRIVES, pairs, strict=True):
         metres, _ = pair.truth.distance(Pose.identity())
-        way = drive.speed * drive.step / FacetLadar().rate
+        distance_driven = drive.speed * drive.step / FacetLadar().rate
         # Pitching over bumps moves the ladar more than the vehicle.
-        assert 0.5 * way <= metres <= 2.0 * way + 1e-4
+        assert 0.5 * distance_driven <= metres <= 2.0 * distance_driven + 1e-4
         assert pairs_of(drive, pairs) == [pair]
 
 
-def test_range_images_hold_the_points_of_the_frames(terrain):
+def test_range_images_contain_the_points_of_the_frames(terrain):
     for name in terrain.names[:2]:
         image = range_image(terrain.load(name))
         assert image.shape == (32, 180)

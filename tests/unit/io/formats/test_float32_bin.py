@@ -56,9 +56,9 @@ def test_an_undecided_row_length_is_assumed_with_a_note(save):
 def test_truncated_files_are_detected_by_their_values(room_scan, save, width):
     data = _rows(room_scan, width).tobytes()
     for left in range(1, 4 * width):
-        cut = save("a.bin", data[: len(data) - 4 * width + left])
+        path = save("a.bin", data[: len(data) - 4 * width + left])
         with pytest.raises(FormatError, match="cut short"):
-            read_scan(cut)
+            read_scan(path)
 
 
 @pytest.mark.parametrize(

@@ -144,8 +144,8 @@ def test_crlf_comments_and_blank_lines_are_read(save):
 
 
 def test_viewpoint_is_the_pose_of_the_sensor(save):
-    turned = _ASCII.replace("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 1 2 3 0.70710678 0 0 0.70710678")
-    pose = read_scan(save("a.pcd", turned)).viewpoint
+    rotated = _ASCII.replace("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 1 2 3 0.70710678 0 0 0.70710678")
+    pose = read_scan(save("a.pcd", rotated)).viewpoint
     assert pose.translation.tolist() == [1, 2, 3]
     assert np.allclose(pose.apply(np.array([1.0, 0.0, 0.0])), [1, 3, 3])
 
@@ -201,14 +201,14 @@ def test_damaged_compression_is_refused(tmp_path):
     write_scan(path, np.zeros((500, 3)), encoding="compressed")
     data = bytearray(path.read_bytes())
     start = data.index(b"binary_compressed\n") + len(b"binary_compressed\n")
-    for place, value, complaint in (
+    for offset, value, complaint in (
         (start + 4, 1, "expected 12000 unpacked bytes"),
         (start, 200, "bytes of data from byte"),
         (start + 8, 0xFF, "invalid reference"),
         (start + 8, 0x05, "LZF data of 12000 bytes"),
     ):
         broken = bytearray(data)
-        broken[place] = value
+        broken[offset] = value
         path.write_bytes(broken)
         with pytest.raises(FormatError, match=complaint):
             read_scan(path)

@@ -23,14 +23,18 @@ def _terms(
     exact=1.0,
     lists=None,
 ):
-    def side(part):
-        return part.means, part.packed_covariances, part.weights()
+    def gaussian_arrays(cluster_set):
+        return cluster_set.means, cluster_set.packed_covariances, cluster_set.weights()
 
-    everyone = (np.zeros(len(source), np.int64), np.array([0, len(target)]), np.arange(len(target)))
+    all_pairs = (
+        np.zeros(len(source), np.int64),
+        np.array([0, len(target)]),
+        np.arange(len(target)),
+    )
     return d2d_terms(
-        *side(target),
-        *side(source),
-        *(lists or (read_only(part) for part in everyone)),
+        *gaussian_arrays(target),
+        *gaussian_arrays(source),
+        *(lists or (read_only(array) for array in all_pairs)),
         pose.rotation,
         pose.translation,
         sharpness,
@@ -40,7 +44,7 @@ def _terms(
     )
 
 
-def _one(mean, variance):
+def _isotropic(mean, variance):
     return Gaussians.from_covariances(np.array([mean]), variance * np.eye(3)[None], np.array([1]))
 
 
@@ -62,16 +66,18 @@ def test_the_value_is_the_sum_over_all_pairs(seed, sharpness):
 @pytest.mark.parametrize("edge", [16.0, 25.0])
 def test_the_window_is_twice_continuously_differentiable(edge):
     # Along x a pair of unit covariances has s = x^2 / 2, so its first Hessian entry is the
-    # second derivative of the score. Its slope is bounded, so it changes by little across a
-    # small gap, and by a tenth of that across a tenth of it.
+    # second derivative of the score. Its slope is bounded, so its change over a small step is
+    # proportional to the step.
     def second(s):
         pose = Pose(np.eye(3), np.array([np.sqrt(2.0 * s), 0.0, 0.0]))
-        terms = _terms(_one([0.0, 0.0, 0.0], 1.0), _one([0.0, 0.0, 0.0], 1.0), pose, sharpness=0.1)
+        terms = _terms(
+            _isotropic([0.0, 0.0, 0.0], 1.0), _isotropic([0.0, 0.0, 0.0], 1.0), pose, sharpness=0.1
+        )
         return terms[[0, 1, 7]]
 
-    jumps = [np.abs(second(edge + gap) - second(edge - gap)) for gap in (1e-3, 1e-4, 1e-5)]
-    assert (jumps[0] < 1e-2).all()
-    for wide, narrow in pairwise(jumps):
+    differences = [np.abs(second(edge + step) - second(edge - step)) for step in (1e-3, 1e-4, 1e-5)]
+    assert (differences[0] < 1e-2).all()
+    for wide, narrow in pairwise(differences):
         assert (narrow <= 0.11 * wide + 1e-15).all()
     if edge == 25.0:
         np.testing.assert_array_equal(second(edge + 1e-9), 0.0)
@@ -79,33 +85,33 @@ def test_the_window_is_twice_continuously_differentiable(edge):
         assert (np.abs(second(edge)) > 1e-3).all()
 
 
-def test_beyond_the_window_everything_is_zero():
+def test_all_terms_are_zero_beyond_the_window():
     pose = Pose(np.eye(3), np.array([8.0, 0.0, 0.0]))
-    terms = _terms(_one([0.0, 0.0, 0.0], 1.0), _one([0.0, 0.0, 0.0], 1.0), pose)
+    terms = _terms(_isotropic([0.0, 0.0, 0.0], 1.0), _isotropic([0.0, 0.0, 0.0], 1.0), pose)
     np.testing.assert_array_equal(terms, np.zeros(28))
 
 
-def test_no_gaussians_give_nothing():
+def test_empty_sets_have_zero_terms():
     rng = np.random.default_rng(6)
     some, none = gaussians(rng, 5), gaussians(rng, 0)
     for pair in ((some, none), (none, some), (none, none)):
         np.testing.assert_array_equal(_terms(*pair, Pose.identity()), np.zeros(28))
 
 
-def test_the_same_bits_every_time():
+def test_results_are_bitwise_reproducible():
     rng = np.random.default_rng(7)
     target, source = gaussians(rng, 30), gaussians(rng, 30)
     pose = Pose.from_step(rng.normal(size=6))
     assert len({_terms(target, source, pose).tobytes() for _ in range(5)}) == 1
 
 
-def test_the_convex_part_has_the_same_slope_and_no_negative_curvature():
+def test_the_convex_hessian_is_positive_semidefinite_with_the_same_gradient():
     rng = np.random.default_rng(8)
     target, source = gaussians(rng, 40), gaussians(rng, 40)
     indefinite = 0
     for _ in range(20):
         pose = Pose.from_step(rng.normal(0.0, 2.0, 6))
-        exact, convex = (_terms(target, source, pose, exact=part) for part in (1.0, 0.0))
+        exact, convex = (_terms(target, source, pose, exact=exact) for exact in (1.0, 0.0))
         np.testing.assert_array_equal(convex[:7], exact[:7])
         eigenvalues = np.linalg.eigvalsh(Quadratic.from_terms(convex).hessian)
         assert eigenvalues[0] >= -1e-12 * eigenvalues[-1]
@@ -113,22 +119,22 @@ def test_the_convex_part_has_the_same_slope_and_no_negative_curvature():
     assert indefinite > 0
 
 
-def test_at_a_perfect_fit_of_one_pair_both_curvatures_are_one():
-    # With q = 0 every part that the convex Hessian leaves out vanishes.
-    one = _one([3.0, 1.0, 2.0], 1.0)
-    exact, convex = (_terms(one, one, Pose.identity(), exact=part) for part in (1.0, 0.0))
+def test_the_convex_and_exact_hessians_are_equal_at_a_perfect_fit():
+    # With q = 0 all terms that the convex Hessian omits are zero.
+    one = _isotropic([3.0, 1.0, 2.0], 1.0)
+    exact, convex = (_terms(one, one, Pose.identity(), exact=exact) for exact in (1.0, 0.0))
     np.testing.assert_allclose(convex, exact, atol=1e-12)
     assert np.abs(convex[7:]).max() > 0.1
 
 
 def _lists(lists, starts, members):
-    return tuple(read_only(np.array(part)) for part in (lists, starts, members))
+    return tuple(read_only(np.array(array)) for array in (lists, starts, members))
 
 
-def test_lists_choose_the_pairs_that_count():
-    # Three sources: the first meets targets 4 and 1, the second none, the third target 2.
+def test_lists_select_the_pairs():
+    # The first source has targets 4 and 1, the second none, the third target 2.
     rng = np.random.default_rng(10)
-    target, source = gaussians(rng, 6, spread=2.0), gaussians(rng, 3, spread=2.0)
+    target, source = gaussians(rng, 6, half_width=2.0), gaussians(rng, 3, half_width=2.0)
     pose = Pose.from_step(0.1 * rng.normal(size=6))
     found = _terms(target, source, pose, lists=_lists([1, -1, 0], [0, 1, 3], [2, 4, 1]))[0]
     s = reference.d2d_squared(

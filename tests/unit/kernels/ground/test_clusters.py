@@ -17,17 +17,17 @@ def test_occupied_cells_match_the_definition():
     rng = np.random.default_rng(5)
     for count in (0, 1, 40):
         cells = rng.integers(-1, 30, count)
-        parts, cell_of_part = occupied_cells(read_only(cells), 30)
-        expected_parts, expected_cells = grouping.numbered(cells)
-        np.testing.assert_array_equal(parts, np.array(expected_parts, np.int64))
-        np.testing.assert_array_equal(cell_of_part, np.array(expected_cells, np.int64))
+        ranks, cell_of_rank = occupied_cells(read_only(cells), 30)
+        expected_ranks, expected_cells = grouping.numbered(cells)
+        np.testing.assert_array_equal(ranks, np.array(expected_ranks, np.int64))
+        np.testing.assert_array_equal(cell_of_rank, np.array(expected_cells, np.int64))
 
 
 @pytest.mark.parametrize(("sectors", "bins"), [(3, 1), (3, 4), (7, 5), (12, 9)])
-def test_touching_cells_are_the_eight_around_each(sectors, bins):
+def test_adjacent_cells_are_the_eight_neighbours(sectors, bins):
     rng = np.random.default_rng(sectors)
-    for share in (0.0, 0.3, 1.0):
-        occupied = np.flatnonzero(rng.random(sectors * bins) < share)
+    for ratio in (0.0, 0.3, 1.0):
+        occupied = np.flatnonzero(rng.random(sectors * bins) < ratio)
         first, second = adjacent_cells(read_only(occupied), sectors, bins)
         found = [frozenset(pair) for pair in zip(first.tolist(), second.tolist(), strict=True)]
         expected = set()
@@ -41,7 +41,7 @@ def test_touching_cells_are_the_eight_around_each(sectors, bins):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_joined_groups_are_the_connected_components(seed):
+def test_connected_components_match_scipy(seed):
     rng = np.random.default_rng(seed)
     rows = 60
     first, second = rng.integers(0, rows, (2, 70))
@@ -58,20 +58,20 @@ def test_joined_groups_are_the_connected_components(seed):
     assert firsts == sorted(firsts)
 
 
-def test_pairs_are_close_below_the_limit_only():
+def test_pairs_are_close_below_the_threshold_only():
     rng = np.random.default_rng(2)
     points = read_only(rng.normal(size=(30, 3)))
     first, second = rng.integers(0, 30, (2, 80))
     close = are_close(points, read_only(first), read_only(second), 1.3)
-    gaps = np.linalg.norm(points[first] - points[second], axis=1)
-    np.testing.assert_array_equal(close, gaps < 1.3)
+    distances = np.linalg.norm(points[first] - points[second], axis=1)
+    np.testing.assert_array_equal(close, distances < 1.3)
     assert set(close.tolist()) == {True, False}
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.75, 0.0]])
     pair = np.array([0]), np.array([1])
     assert not are_close(read_only(ends), *map(read_only, pair), 0.75)[0]
 
 
-def test_rows_follow_their_labels_into_groups_but_for_those_without_one():
+def test_labels_are_replaced_and_negative_ones_kept():
     labels, groups = np.array([2, -1, 0, 2, 1]), np.array([7, 4, 9])
     found = relabelled(read_only(labels), read_only(groups))
     assert found.tolist() == [9, -1, 7, 9, 4]

@@ -8,8 +8,8 @@ from scanlock.kernels.points.moments import labelled_means, labelled_moments
 _ROWS, _COLUMNS = np.triu_indices(3)
 
 
-def _labelled_moments(points, labels, parts):
-    return labelled_moments(read_only(points), read_only(labels), parts)
+def _labelled_moments(points, labels, clusters):
+    return labelled_moments(read_only(points), read_only(labels), clusters)
 
 
 @pytest.mark.parametrize("offset", [0.0, 9e3, -5e6])
@@ -26,7 +26,7 @@ def test_moments_match_the_definition(offset):
     np.testing.assert_allclose(packed, expected[:, _ROWS, _COLUMNS], atol=10 * rounding)
 
 
-def test_parts_without_points_are_zero_and_negative_labels_count_nowhere():
+def test_empty_clusters_have_zero_moments_and_negative_labels_are_ignored():
     points = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 1.0], [1e9, 1e9, 1e9]])
     counts, means, packed = _labelled_moments(points, np.array([2, 2, -1]), 4)
     np.testing.assert_array_equal(counts, [0, 0, 2, 0])
@@ -36,14 +36,14 @@ def test_parts_without_points_are_zero_and_negative_labels_count_nowhere():
     assert not packed[[0, 1, 3]].any()
 
 
-def test_no_points_and_no_parts_give_empty_moments():
+def test_no_points_and_no_clusters_give_empty_moments():
     counts, means, packed = _labelled_moments(np.empty((0, 3)), np.empty(0, np.int64), 0)
     assert counts.shape == (0,)
     assert means.shape == (0, 3)
     assert packed.shape == (0, 6)
 
 
-def test_means_alone_match_the_definition():
+def test_labelled_means_match_the_definition():
     rng = np.random.default_rng(4)
     points, labels = rng.normal(size=(90, 3)), rng.choice([-1, 0, 1, 3], 90)
     counts, means = labelled_means(read_only(points), read_only(labels), 4)

@@ -1,79 +1,8 @@
 import numpy as np
-import pytest
 
 from scanlock.arrays import read_only
-from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.gaussians.eigen3 import principal_axes
 from scanlock.kernels.points.surfaces import neighbour_covariances
 from scanlock.models.gaussians import unpacked
-
-_UPPER = np.triu_indices(3)
-
-_SPECTRA = {
-    "round": (1.0, 1.0, 1.0),
-    "flat": (1e-9, 1.0, 1.0),
-    "exactly flat": (0.0, 1.0, 1.0),
-    "long": (1e-9, 1e-9, 1.0),
-    "a line": (0.0, 0.0, 1.0),
-    "a point": (0.0, 0.0, 0.0),
-    "nearly round": (1.0, 1.0 + 1e-12, 1.0 + 2e-12),
-    "plain": (0.1, 0.7, 3.0),
-    "tiny": (1e-140, 2e-140, 5e-140),
-    "huge": (1e120, 2e120, 5e120),
-    "of many scales": (1e-12, 1e-6, 1.0),
-}
-
-
-def _packed(full):
-    return read_only(np.ascontiguousarray(full[:, _UPPER[0], _UPPER[1]]))
-
-
-def _decomposed(full):
-    variances, axes = principal_axes(_packed(full))
-    return variances, axes.reshape(-1, 3, 3)
-
-
-def _assert_decomposes(full):
-    variances, axes = _decomposed(full)
-    size = np.abs(full).max(axis=(1, 2), initial=0.0)[:, None]
-    assert (np.abs(variances - np.linalg.eigvalsh(full)) <= 1e-14 * size).all()
-    np.testing.assert_allclose(
-        axes @ axes.transpose(0, 2, 1), np.tile(np.eye(3), (len(full), 1, 1)), atol=1e-14
-    )
-    back = np.einsum("na,nai,naj->nij", variances, axes, axes)
-    assert (np.abs(back - full) <= 1e-14 * size[:, None]).all()
-
-
-@pytest.mark.parametrize("spectrum", _SPECTRA)
-def test_matrices_are_decomposed_however_degenerate(spectrum):
-    rng = np.random.default_rng(7)
-    turns = np.array([np.eye(3)] + [exp_rotation(rng.normal(0.0, 2.0, 3)) for _ in range(200)])
-    full = turns @ np.diag(_SPECTRA[spectrum]) @ turns.transpose(0, 2, 1)
-    _assert_decomposes(0.5 * (full + full.transpose(0, 2, 1)))
-
-
-def test_indefinite_matrices_are_decomposed_too():
-    rng = np.random.default_rng(8)
-    full = rng.normal(size=(300, 3, 3))
-    _assert_decomposes(full + full.transpose(0, 2, 1))
-
-
-def test_axes_of_distinct_variances_are_those_of_numpy():
-    rng = np.random.default_rng(9)
-    factors = rng.normal(size=(300, 3, 3))
-    full = factors @ factors.transpose(0, 2, 1)
-    _, axes = _decomposed(full)
-    expected = np.linalg.eigh(full)[1].transpose(0, 2, 1)
-    alike = np.abs(np.einsum("nai,nai->na", axes, expected))
-    np.testing.assert_allclose(alike, 1.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0), (1, 0, 2), (0, 2, 1)])
-def test_variances_ascend_whatever_their_order_on_the_diagonal(order):
-    values = np.array([1.0, 2.0, 3.0])[list(order)]
-    variances, axes = _decomposed(np.diag(values)[None])
-    np.testing.assert_array_equal(variances, [[1.0, 2.0, 3.0]])
-    np.testing.assert_array_equal(np.argmax(axes[0], axis=1), np.argsort(order))
 
 
 def test_covariances_are_those_of_the_rows():

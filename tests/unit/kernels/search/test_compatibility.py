@@ -1,12 +1,9 @@
-import itertools
-
 import numpy as np
 import pytest
 
 from reference import compatibility as reference
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.arrays import read_only
-from scanlock.kernels.search.cliques import greedy_cliques, shared_neighbours
 from scanlock.kernels.search.compatibility import (
     free_compatibility,
     level_compatibility,
@@ -14,34 +11,31 @@ from scanlock.kernels.search.compatibility import (
 )
 
 _TOLERANCES = np.array([0.5, 0.1, 0.2, 2.0])
+
+
 _THRESHOLDS = np.array([1.0, 4.0, 12.0])
+
+
 _ROWS, _COLUMNS = np.triu_indices(3)
 
 
 def _matches(count=70):
-    """Matches of which many are consistent: nearly the same centres in both scans."""
+    """Matches of which many are compatible: the positions on both sides differ by little."""
     rng = np.random.default_rng(5)
     target = rng.uniform(-8.0, 8.0, (count, 3)) * [1.0, 1.0, 0.2]
     source = target + rng.normal(0.0, 1.0, (count, 3))
     covariances = [
-        turned_covariances(rng, rng.uniform(0.01, 0.1, (count, 3)))[:, _ROWS, _COLUMNS]
+        rotated_covariances(rng, rng.uniform(0.01, 0.1, (count, 3)))[:, _ROWS, _COLUMNS]
         for _ in range(2)
     ]
     return rng, [read_only(array) for array in (target, source, *covariances)]
 
 
 def _bits(graph):
-    """The words as truth values, one for each two rows."""
+    """Adjacency of a graph of packed bits."""
     count = graph.shape[-2]
     octets = np.ascontiguousarray(graph).astype("<u8").view(np.uint8)
     return np.unpackbits(octets, axis=-1, bitorder="little")[..., :count].astype(bool)
-
-
-def _words(truths):
-    count = len(truths)
-    padded = np.zeros((count, 64 * ((count + 63) // 64)), np.uint8)
-    padded[:, :count] = truths
-    return read_only(np.packbits(padded, axis=1, bitorder="little").view("<u8").astype(np.uint64))
 
 
 def _assert_graph(graph, expected):
@@ -55,9 +49,9 @@ def _assert_graph(graph, expected):
 def test_level_compatibility_matches_the_definition():
     rng, matches = _matches()
     angles = rng.normal(0.0, 0.3, 70)
-    turns = np.stack([np.cos(2 * angles), np.sin(2 * angles)], axis=1)
-    turns[::3] = 0.0
-    arguments = *matches, read_only(turns), read_only(_TOLERANCES)
+    headings = np.stack([np.cos(2 * angles), np.sin(2 * angles)], axis=1)
+    headings[::3] = 0.0
+    arguments = *matches, read_only(headings), read_only(_TOLERANCES)
     expected = reference.agreements(
         lambda a, b: reference.level_misfit(*arguments, a, b), 70, _THRESHOLDS
     )
@@ -78,58 +72,14 @@ def test_free_compatibility_matches_the_definition():
     _assert_graph(free_compatibility(*arguments, read_only(_THRESHOLDS)), expected)
 
 
-def test_matches_of_the_same_cluster_are_never_consistent():
+def test_matches_of_one_cluster_are_incompatible():
     _, (target, source, target_covariances, source_covariances) = _matches(6)
     same = read_only(np.broadcast_to(target[0], (6, 3)))
     covariances = read_only(1e6 * target_covariances), read_only(1e6 * source_covariances)
     rest = read_only(_TOLERANCES), read_only(_THRESHOLDS)
-    turns, axes = read_only(np.zeros((6, 2))), read_only(np.zeros((6, 3)))
-    assert not level_compatibility(same, source, *covariances, turns, *rest).any()
+    headings, axes = read_only(np.zeros((6, 2))), read_only(np.zeros((6, 3)))
+    assert not level_compatibility(same, source, *covariances, headings, *rest).any()
     assert not free_compatibility(target, same, *covariances, axes, axes, *rest).any()
-
-
-@pytest.fixture(name="truths")
-def _truths():
-    """A sparse random graph of 100 rows with a clique of eight in it."""
-    rng = np.random.default_rng(2)
-    truths = np.triu(rng.random((100, 100)) < 0.1, 1)
-    members = rng.choice(100, 8, replace=False)
-    for a, b in itertools.combinations(sorted(members), 2):
-        truths[a, b] = True
-    return truths | truths.T, set(members.tolist())
-
-
-def test_shared_neighbours_are_counted(truths):
-    graph, _ = truths
-    pairs, shared = shared_neighbours(_words(graph))
-    assert {tuple(pair) for pair in pairs} == set(zip(*np.nonzero(np.tril(graph)), strict=True))
-    np.testing.assert_array_equal(shared, [(graph[a] & graph[b]).sum() for a, b in pairs])
-
-
-def test_cliques_are_maximal_and_the_largest_is_found_first(truths):
-    graph, members = truths
-    pairs, shared = shared_neighbours(_words(graph))
-    order = np.argsort(-shared, kind="stable")
-    cliques = greedy_cliques(_words(graph), read_only(pairs[order]), 10, 20)
-    assert set(cliques[0].tolist()) - {-1} == members
-    seen = set()
-    for row in cliques:
-        one = row[row >= 0]
-        assert len(one) > 2
-        assert all(graph[a, b] for a, b in itertools.combinations(one, 2))
-        assert not graph[one].all(axis=0).any()
-        pair = frozenset(one[:2].tolist())
-        assert pair not in seen
-        seen |= {frozenset(two) for two in itertools.combinations(one.tolist(), 2)}
-    assert (greedy_cliques(_words(graph), read_only(pairs[order]), 10, 5)[0] >= 0).all()
-
-
-def test_a_graph_without_triangles_has_no_clique():
-    ring = np.eye(10, k=1, dtype=bool) | np.eye(10, k=-1, dtype=bool)
-    pairs, shared = shared_neighbours(_words(ring))
-    assert len(pairs) == 9
-    assert not shared.any()
-    assert len(greedy_cliques(_words(ring), read_only(pairs), 5, 8)) == 0
 
 
 def test_soft_overlap_matches_the_definition():
@@ -138,6 +88,6 @@ def test_soft_overlap_matches_the_definition():
     affinities = rng.random((50, 40))
     arguments = read_only(target), read_only(source), read_only(affinities), 0.8
     assert soft_overlap(*arguments) == pytest.approx(reference.soft_overlap(*arguments))
-    # A cluster counts once, however many others overlap it.
+    # A cluster counts once, with any number of overlaps.
     once = read_only(np.zeros((1, 3))), read_only(np.zeros((9, 3))), read_only(np.ones((9, 1)))
     assert soft_overlap(*once, 1.0) == 1.0

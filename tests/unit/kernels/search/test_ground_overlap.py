@@ -6,9 +6,9 @@ from scanlock.geometry.rotations import exp_rotation
 from scanlock.kernels.search.ground_overlap import ground_differences, plane_sums
 
 
-def _grid(rng, side, unseen=0.3):
+def _grid(rng, side, empty_ratio=0.3):
     grid = rng.normal(0.0, 0.5, (side, side))
-    grid[rng.uniform(size=grid.shape) < unseen] = np.nan
+    grid[rng.uniform(size=grid.shape) < empty_ratio] = np.nan
     return read_only(grid)
 
 
@@ -19,25 +19,25 @@ def _differences(rng, shift):
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (3.0, -4.0, 1.0), (14.0, 9.0, 0.0)])
-def test_differences_match_the_definition(shift):
+def test_height_differences_match_the_definition(shift):
     shift = read_only(np.array(shift))
     target, source, rotation, differences = _differences(np.random.default_rng(0), shift)
-    shared = 0
+    overlapping = 0
     for cell, (x, y, difference) in enumerate(differences.T):
         i, j = divmod(cell, 8)
         if np.isnan(source[i, j]):
             assert np.isnan(difference)
             continue
-        place = rotation @ [(i - 3.5) * 1.5, (j - 3.5) * 1.5, source[i, j]]
-        row, column = (int(at) for at in np.floor((place + shift)[:2] // 2.0) + 6)
+        point = rotation @ [(i - 3.5) * 1.5, (j - 3.5) * 1.5, source[i, j]]
+        row, column = (int(at) for at in np.floor((point + shift)[:2] // 2.0) + 6)
         is_inside = 0 <= row < 12 and 0 <= column < 12
         if not is_inside or np.isnan(target[row, column]):
             assert np.isnan(difference)
             continue
-        shared += 1
-        np.testing.assert_allclose((x, y), place[:2], atol=1e-12)
-        np.testing.assert_allclose(difference, target[row, column] - (place + shift)[2], atol=1e-12)
-    assert 0 < shared < 64
+        overlapping += 1
+        np.testing.assert_allclose((x, y), point[:2], atol=1e-12)
+        np.testing.assert_allclose(difference, target[row, column] - (point + shift)[2], atol=1e-12)
+    assert 0 < overlapping < 64
 
 
 @pytest.mark.parametrize("scale", [0.3, np.inf])

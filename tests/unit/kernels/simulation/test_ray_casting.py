@@ -22,15 +22,15 @@ _sizes = st.floats(0.05, 4)
 @st.composite
 def _surface(draw, kind):
     label = SurfaceClass.POLE
-    centre, turn = draw(_vectors), draw(_vectors)
+    centre, rotation_vector = draw(_vectors), draw(_vectors)
     a, b, c = draw(_sizes), draw(_sizes), draw(_sizes)
-    rotation = exp_rotation(turn)
+    rotation = exp_rotation(rotation_vector)
     if kind == "box":
         return boxes(centre, [a, b, c], label, rotations=rotation)
     if kind == "ellipsoid":
         return ellipsoids(centre, [a, b, c], label, rotations=rotation)
     if kind == "cone":
-        # An end may be a point.
+        # The top may be a point.
         top = draw(st.sampled_from([b, 0.0, a]))
         return cones(centre - c * rotation[:, 2], centre + c * rotation[:, 2], a, top, label)
     if kind == "disc":
@@ -42,29 +42,29 @@ def _surface(draw, kind):
 @st.composite
 def _ray(draw, target, spread):
     origin = draw(_vectors) * 2
-    # Most rays aim near the surface, or nearly all would miss.
+    # Most rays aim near the surface; random ones would miss.
     direction = target + draw(_vectors) * spread - origin
     length = np.linalg.norm(direction)
     assume(length > 1e-3)
     return origin, direction / length
 
 
-def _middle(surface):
+def _centre_of(surface):
     bounds = surface.bounds()[0]
     return (bounds[:3] + bounds[3:]) / 2
 
 
-def _cast_one(surfaces, origin, direction, reach=900.0):
+def _cast_one(surfaces, origin, direction, max_distance=900.0):
     world = World.of(surfaces)
-    hits = world.cast(origin[None], direction[None], 0.0, np.zeros(1), reach)
+    hits = world.cast(origin[None], direction[None], 0.0, np.zeros(1), max_distance)
     return hits.distances[0], hits.cosines[0]
 
 
 @pytest.mark.parametrize("kind", _KINDS)
 @given(data=st.data())
-def test_a_ray_meets_a_surface_where_its_definition_says(kind, data):
+def test_the_distance_to_a_surface_matches_the_definition(kind, data):
     surface = data.draw(_surface(kind))
-    origin, direction = data.draw(_ray(_middle(surface), 0.3))
+    origin, direction = data.draw(_ray(_centre_of(surface), 0.3))
     row = surface.rows[0]
     if kind not in ("disc", "triangle"):
         assume(abs(reference.gauge(kind, row[12:], reference.to_local(row, origin))) > 1e-6)
@@ -80,35 +80,34 @@ def test_a_ray_meets_a_surface_where_its_definition_says(kind, data):
 
 @pytest.mark.parametrize("kind", _KINDS)
 @given(data=st.data())
-def test_the_cosine_of_incidence_follows_the_gradient_of_the_definition(kind, data):
+def test_the_cosine_of_incidence_matches_the_gradient_of_the_definition(kind, data):
     surface = data.draw(_surface(kind))
     row = surface.rows[0]
-    origin, direction = data.draw(_ray(_middle(surface), 0.05))
+    origin, direction = data.draw(_ray(_centre_of(surface), 0.05))
     distance, cosine = _cast_one(surface, origin, direction)
     assume(np.isfinite(distance))
-    place = origin + distance * direction
-    # At an edge two faces meet, and neither normal is the right one.
-    nudges = np.vstack([np.eye(3), -np.eye(3)]) * 1e-5
-    around = [reference.incidence_cosine(kind, row, place + n, direction) for n in nudges]
+    position = origin + distance * direction
+    # At an edge or a corner, no normal is correct.
+    nudges = np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)]) * 1e-5
+    around = [reference.incidence_cosine(kind, row, position + n, direction) for n in nudges]
     assume(np.ptp(around) < 1e-2)
-    expected = reference.incidence_cosine(kind, row, place, direction)
-    assert cosine == pytest.approx(expected, abs=1e-3)
+    assert cosine == pytest.approx(around[0], abs=1e-3)
 
 
 def _many(rng, count):
-    def place():
+    def position():
         return rng.uniform(-8, 8, (count, 3))
 
-    turns = np.array([exp_rotation(v) for v in rng.normal(size=(count, 3))])
+    rotations = np.array([exp_rotation(v) for v in rng.normal(size=(count, 3))])
     size = rng.uniform(0.1, 1.5, (count, 3))
-    corners = place()[:, None] + rng.normal(size=(count, 3, 3))
-    start = place()
+    corners = position()[:, None] + rng.normal(size=(count, 3, 3))
+    start = position()
     return Surfaces.joined(
         [
-            boxes(place(), size, SurfaceClass.BUILDING, rotations=turns),
-            ellipsoids(place(), size, SurfaceClass.SHRUB, rotations=turns),
+            boxes(position(), size, SurfaceClass.BUILDING, rotations=rotations),
+            ellipsoids(position(), size, SurfaceClass.SHRUB, rotations=rotations),
             cones(start, start + rng.normal(size=(count, 3)), 0.3, 0.1, SurfaceClass.POLE),
-            discs(place(), turns[:, 2], size[:, :2], SurfaceClass.FOLIAGE),
+            discs(position(), rotations[:, 2], size[:, :2], SurfaceClass.FOLIAGE),
             triangles(corners, SurfaceClass.GRASS),
         ]
     )
@@ -120,7 +119,7 @@ def _rays(rng, count):
     return rng.uniform(-12, 12, (count, 3)), directions
 
 
-def test_the_tree_finds_what_trying_every_surface_finds():
+def test_the_tree_finds_the_nearest_of_all_surfaces():
     rng = np.random.default_rng(5)
     world = World.of(_many(rng, 60))
     surfaces = world.surfaces
@@ -138,16 +137,16 @@ def test_the_tree_finds_what_trying_every_surface_finds():
     assert 10 < np.isfinite(hits.distances).sum() < 60
 
 
-def test_a_ray_looks_no_farther_than_its_reach():
+def test_surfaces_beyond_the_maximum_distance_are_not_hit():
     wall = boxes([10.0, 0, 0], [1.0, 5, 5], SurfaceClass.BUILDING)
     ahead = np.array([1.0, 0, 0])
-    assert _cast_one(wall, np.zeros(3), ahead, reach=9.5)[0] == 9.0
-    assert _cast_one(wall, np.zeros(3), ahead, reach=8.5)[0] == np.inf
+    assert _cast_one(wall, np.zeros(3), ahead, max_distance=9.5)[0] == 9.0
+    assert _cast_one(wall, np.zeros(3), ahead, max_distance=8.5)[0] == np.inf
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_rays_along_the_axes_on_the_faces_of_a_box_of_the_tree_are_no_trouble(axis):
-    # Zero components of the direction and origins exactly on bounds: 0 * inf lurks here.
+def test_rays_along_the_faces_of_a_tree_box_hit_surfaces(axis):
+    # Zero components of the direction, with origins exactly on bounds, can give 0 * inf.
     blocks = boxes(np.mgrid[0:3, 0:3, 0:3].reshape(3, -1).T * 4.0, [1, 1, 1], SurfaceClass.FENCE)
     direction = np.eye(3)[axis]
     origin = np.full(3, 4.0)
@@ -155,7 +154,7 @@ def test_rays_along_the_axes_on_the_faces_of_a_box_of_the_tree_are_no_trouble(ax
     assert _cast_one(blocks, origin, direction)[0] == 9.0
 
 
-def test_moving_surfaces_are_met_where_they_are_when_the_ray_is_fired():
+def test_moving_surfaces_are_hit_at_their_position_at_the_time_of_the_ray():
     rng = np.random.default_rng(9)
     shapes = [_many(rng, 2), _many(rng, 3)]
     poses = [Pose(exp_rotation(rng.normal(size=3)), rng.normal(size=3)) for _ in shapes]
@@ -184,15 +183,15 @@ def test_moving_surfaces_are_met_where_they_are_when_the_ray_is_fired():
     for i in range(200):
         best = np.inf, 0.0
         for shape, pose, velocity in zip(shapes, poses, velocities, strict=True):
-            there = shape.moved(Pose(pose.rotation, pose.translation + times[i] * velocity))
-            best = min(best, _cast_one(there, origins[i], directions[i]))
+            moved = shape.moved(Pose(pose.rotation, pose.translation + times[i] * velocity))
+            best = min(best, _cast_one(moved, origins[i], directions[i]))
         assert distances[i] == pytest.approx(best[0], abs=1e-9)
         assert cosines[i] == pytest.approx(best[1], abs=1e-9)
         assert (rows[i] == NOTHING) == np.isinf(best[0])
 
 
 @given(data=st.data())
-def test_the_sphere_around_a_mover_hides_nothing_of_it(data):
+def test_the_bounding_sphere_of_a_mover_changes_no_distance(data):
     origin, direction = data.draw(_ray(np.zeros(3), 0.5))
     block = boxes([0, 0, 0], [1.0, 2, 3], SurfaceClass.CAR)
     found = []
@@ -207,15 +206,17 @@ def test_the_sphere_around_a_mover_hides_nothing_of_it(data):
     assert found[0] == found[1]
 
 
-def test_no_rays_and_no_surfaces_give_empty_answers():
-    nothing = World.of()
-    none = nothing.cast(np.empty((0, 3)), np.empty((0, 3)), 0.0, np.empty(0), 10.0)
-    assert [len(a) for a in (none.distances, none.cosines, none.labels, none.losses)] == [0] * 4
-    one = nothing.cast(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), 0.0, np.zeros(1), 10.0)
+def test_no_rays_and_no_surfaces_give_no_hits():
+    empty_world = World.of()
+    no_hits = empty_world.cast(np.empty((0, 3)), np.empty((0, 3)), 0.0, np.empty(0), 10.0)
+    assert [
+        len(a) for a in (no_hits.distances, no_hits.cosines, no_hits.labels, no_hits.losses)
+    ] == [0] * 4
+    one = empty_world.cast(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), 0.0, np.zeros(1), 10.0)
     assert (one.distances[0], one.cosines[0], one.labels[0], one.objects[0]) == (np.inf, 0, -1, -1)
 
 
-def test_one_compiled_signature_for_every_world():
+def test_every_world_has_one_compiled_signature():
     rng = np.random.default_rng(1)
     origins, directions = _rays(rng, 10)
     for surfaces in ((), _many(rng, 1), [_many(rng, 2), _many(rng, 1)]):

@@ -10,7 +10,7 @@ def _boxes(rng, count):
 
 
 def _leaves(bounds, node_bounds, link, count, order, node=0):
-    """Every row below a node, each seen to lie inside of the node's box."""
+    """All rows below a node, after a check that its box is their bounding box."""
     if count[node]:
         rows = list(order[link[node] : link[node] + count[node]])
     else:
@@ -25,20 +25,20 @@ def _leaves(bounds, node_bounds, link, count, order, node=0):
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 5, 6, 17, 300])
-def test_every_box_is_in_one_leaf_inside_the_boxes_above_it(count):
+def test_every_box_is_in_one_leaf_inside_its_parent_nodes(count):
     bounds = _boxes(np.random.default_rng(count), count)
     order, *nodes = box_tree(bounds)
     assert sorted(_leaves(bounds, *nodes, order)) == list(range(count))
 
 
-def test_boxes_with_one_centre_are_split_all_the_same():
+def test_boxes_with_equal_centres_are_split():
     bounds = np.tile([-1.0, -1, -1, 1, 1, 1], (50, 1))
     order, node_bounds, link, count = box_tree(bounds)
     assert count.max() <= 4
     assert sorted(_leaves(bounds, node_bounds, link, count, order)) == list(range(50))
 
 
-def test_a_tree_of_spread_boxes_is_not_deep():
+def test_the_depth_of_a_tree_of_scattered_boxes_is_bounded():
     bounds = _boxes(np.random.default_rng(0), 4000)
     _, _, link, count = box_tree(bounds)
     depth = np.zeros(len(count), int)
@@ -48,5 +48,5 @@ def test_a_tree_of_spread_boxes_is_not_deep():
     assert depth.max() < 30
 
 
-def test_no_boxes_make_no_nodes():
-    assert [len(part) for part in box_tree(np.empty((0, 6)))] == [0, 0, 0, 0]
+def test_no_boxes_give_no_nodes():
+    assert [len(array) for array in box_tree(np.empty((0, 6)))] == [0, 0, 0, 0]

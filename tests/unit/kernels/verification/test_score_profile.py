@@ -7,10 +7,10 @@ from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.verification.score_profile import scores_along_direction
 
-_STEP, _REACH = 0.5, 6
+_STEP, _STEPS = 0.5, 6
 
 
-def _slid(target, source, direction, across):
+def _scores(target, source, direction, across):
     return scores_along_direction(
         target.means,
         target.packed_covariances,
@@ -24,19 +24,19 @@ def _slid(target, source, direction, across):
         read_only(direction),
         read_only(across),
         _STEP,
-        _REACH,
+        _STEPS,
         16.0,
         25.0,
     )
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_each_slide_scores_as_the_definition_says(seed):
+def test_scores_of_shifted_gaussians_match_the_definition(seed):
     rng = np.random.default_rng(seed)
-    target, source = gaussians(rng, 12, spread=3.0), gaussians(rng, 9, spread=3.0)
+    target, source = gaussians(rng, 12, half_width=3.0), gaussians(rng, 9, half_width=3.0)
     direction, across = np.linalg.qr(rng.normal(size=(3, 2)))[0].T.copy()
-    found = _slid(target, source, direction, across)
-    shifts = _STEP * np.arange(-_REACH, _REACH + 1)
+    found = _scores(target, source, direction, across)
+    shifts = _STEP * np.arange(-_STEPS, _STEPS + 1)
     expected = [
         -reference.d2d_value(Pose(np.eye(3), shift * direction), target, source) for shift in shifts
     ]
@@ -44,9 +44,9 @@ def test_each_slide_scores_as_the_definition_says(seed):
     assert max(expected) > 0.0
 
 
-def test_nothing_meets_nothing():
+def test_empty_sets_have_zero_scores():
     rng = np.random.default_rng(0)
     none, some = gaussians(rng, 0), gaussians(rng, 3)
     x, y = np.eye(3)[:2]
-    assert (_slid(none, some, x, y) == 0.0).all()
-    assert (_slid(some, none, x, y) == 0.0).all()
+    assert (_scores(none, some, x, y) == 0.0).all()
+    assert (_scores(some, none, x, y) == 0.0).all()

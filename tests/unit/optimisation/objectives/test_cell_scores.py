@@ -77,14 +77,14 @@ def test_derivatives_agree_with_differences_inside_a_cell(association, seed):
 
 
 @pytest.mark.parametrize("association", ["own-cell", "seven-cells", "trilinear"])
-def test_the_convex_part_is_the_gauss_newton_hessian(association):
+def test_the_convex_hessian_is_the_gauss_newton_hessian(association):
     voxels, points = _voxels(7), _points(7)
     pose = Pose.from_step(0.1 * np.random.default_rng(7).normal(size=6))
     exact, convex = (
         PointsToCells(
-            target=voxels, points=points, association=association, curvature=part
+            target=voxels, points=points, association=association, curvature=curvature
         ).linearise(pose)
-        for part in ("exact", "convex")
+        for curvature in ("exact", "convex")
     )
     np.testing.assert_array_equal(convex.gradient, exact.gradient)
     expected = reference.convex_hessian(pose, voxels, points, association)

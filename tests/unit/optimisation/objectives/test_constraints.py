@@ -48,8 +48,10 @@ def test_a_prior_is_zero_at_its_mean_and_one_half_at_one_deviation():
     np.testing.assert_array_equal(at_mean.gradient, 0.0)
     away = Pose(prior.pose.rotation, prior.pose.translation + np.array([0.5, 0.0, 0.0]))
     np.testing.assert_allclose(prior.linearise(away).value, 0.5)
-    turned = Pose(exp_rotation(np.array([0, 0.1, 0])) @ prior.pose.rotation, prior.pose.translation)
-    np.testing.assert_allclose(prior.linearise(turned).value, 0.5)
+    rotated = Pose(
+        exp_rotation(np.array([0, 0.1, 0])) @ prior.pose.rotation, prior.pose.translation
+    )
+    np.testing.assert_allclose(prior.linearise(rotated).value, 0.5)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -68,7 +70,7 @@ def test_without_constraints_the_objective_is_returned():
 
 
 @pytest.mark.parametrize(("dof", "locked"), [("xyz+yaw", [3, 4]), ("xy+yaw", [2, 3, 4])])
-def test_locked_directions_stay_as_at_the_start(dof, locked):
+def test_locked_directions_keep_their_initial_values(dof, locked):
     start = Pose.from_step(np.array([0.2, -0.1, 0.05, 0.02, -0.03, -0.1]))
     constrained = Constraints(dof=dof).applied_to(_objective())
     at = constrained.linearise(start)

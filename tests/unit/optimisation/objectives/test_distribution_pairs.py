@@ -20,7 +20,7 @@ def _surface(some):
     return SurfacePoints(some.means, some.packed_covariances)
 
 
-def _scene(seed, *, exact=True):
+def _correspondences(seed, *, exact=True):
     """Correspondences of random Gaussians at one pose, and the same as a list for the reference."""
     rng = np.random.default_rng(seed)
     target, source = gaussians(rng, 40), gaussians(rng, 30)
@@ -41,7 +41,7 @@ def _scene(seed, *, exact=True):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_values_match_the_definition(seed):
-    pairs, listed, fixed_at, pose = _scene(seed)
+    pairs, listed, fixed_at, pose = _correspondences(seed)
     assert pairs.count == len(listed) < 30
     for at in (fixed_at, pose):
         np.testing.assert_allclose(
@@ -50,7 +50,7 @@ def test_values_match_the_definition(seed):
 
 
 def test_the_value_is_half_the_mean_of_the_squared_distances():
-    pairs, _, _, pose = _scene(4)
+    pairs, _, _, pose = _correspondences(4)
     squared = pairs.squared_distances(pose)
     assert squared.shape == (pairs.count,)
     np.testing.assert_allclose(0.5 * squared.mean(), pairs.linearise(pose).value, rtol=1e-12)
@@ -58,7 +58,7 @@ def test_the_value_is_half_the_mean_of_the_squared_distances():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_gradient_and_hessian_match_differences(seed):
-    pairs, listed, fixed_at, pose = _scene(seed)
+    pairs, listed, fixed_at, pose = _correspondences(seed)
     found = pairs.linearise(pose)
     gradient = differences.gradient(lambda at: reference.value(at, fixed_at, listed), pose, _STEPS)
     np.testing.assert_allclose(found.gradient, gradient, rtol=1e-7, atol=1e-7)
@@ -69,8 +69,8 @@ def test_gradient_and_hessian_match_differences(seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_convex_hessian_is_the_gauss_newton_hessian(seed):
-    pairs, listed, fixed_at, pose = _scene(seed, exact=False)
-    found, exact = pairs.linearise(pose), _scene(seed)[0].linearise(pose)
+    pairs, listed, fixed_at, pose = _correspondences(seed, exact=False)
+    found, exact = pairs.linearise(pose), _correspondences(seed)[0].linearise(pose)
     np.testing.assert_allclose(
         found.hessian, reference.gauss_newton(pose, fixed_at, listed), rtol=1e-10, atol=1e-10
     )

@@ -62,7 +62,9 @@ def test_values_match_the_definition(seed, shape):
         _round([[0.0, 0.0, 0.0], [20_000.0, -3.0, 0.0]]),
         _round([[-7.5, 12.0, 100.0], [-7.5, 12.0, -100.0]]),
         _round([[7000.0, 5000.0, 0.0], [7001.0, 5003.0, 0.0]]),
-        gaussians(np.random.default_rng(1), 50, spread=300.0, least=0.1, most=30.0),
+        gaussians(
+            np.random.default_rng(1), 50, half_width=300.0, min_deviation=0.1, max_deviation=30.0
+        ),
     ],
     ids=["one", "one wide", "far apart", "stacked", "off the origin", "many sizes"],
 )
@@ -97,12 +99,12 @@ def test_p2d_is_continuous_where_the_score_of_the_own_cell_jumps():
     assert np.abs(np.diff(every)).max() < 2.0 * np.exp(-0.5) / 0.5 * steps
 
 
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
-def test_derivatives_match_differences_where_the_window_falls(share):
+@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.8])
+def test_derivatives_match_differences_where_the_window_falls(fraction):
     # The default window starts where a score is e^-8; this one falls where the score is large.
     rng = np.random.default_rng(5)
     shape = ScoreShape(sharpness=0.5, window_start=1.0, window_end=9.0)
-    target, source = gaussians(rng, 1, least=0.5), gaussians(rng, 1, least=0.5)
+    target, source = gaussians(rng, 1, min_deviation=0.5), gaussians(rng, 1, min_deviation=0.5)
     pose = Pose.from_step(rng.normal(size=6))
     for objective, both in (
         (
@@ -115,7 +117,7 @@ def test_derivatives_match_differences_where_the_window_falls(share):
         ),
     ):
         # A source at this squared distance, inside the window.
-        s = 1.0 + share * 8.0
+        s = 1.0 + fraction * 8.0
         position = target.means[0] + np.linalg.cholesky(both) @ np.array([0.6, 0.0, 0.8]) * np.sqrt(
             s
         )

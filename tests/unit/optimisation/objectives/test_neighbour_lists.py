@@ -23,7 +23,9 @@ class _AllPairs:
         self._list = np.array([0, targets]), np.arange(targets)
 
     def at(self, positions):
-        return tuple(read_only(part) for part in (np.zeros(len(positions), np.int64), *self._list))
+        return tuple(
+            read_only(array) for array in (np.zeros(len(positions), np.int64), *self._list)
+        )
 
 
 def _step(rng, scale=1.0):
@@ -52,11 +54,14 @@ def _all(near):
     }
 
 
-@pytest.mark.parametrize("spread", [0.0, 5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("half_width", [0.0, 5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_targets_in_range_match_the_definition(seed, spread):
+def test_targets_in_range_match_the_definition(seed, half_width):
     rng = np.random.default_rng(seed)
-    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    target, source = (
+        gaussians(rng, 90, half_width=half_width, min_deviation=0.2, max_deviation=4.0)
+        for _ in range(2)
+    )
     pose = _step(rng, 0.1)
     margins = rng.uniform(0.0, 5.0, 90)
     *order, side, columns, rows = sorted_by_cell(target.means, target.max_variances, 3.0)
@@ -72,7 +77,7 @@ def test_targets_in_range_match_the_definition(seed, spread):
     )
     found = _pairs((np.arange(90), ends, members))
     assert found == set(zip(*(rows.tolist() for rows in np.nonzero(expected)), strict=True))
-    assert bool(found) == (spread < 2000.0)
+    assert bool(found) == (half_width < 2000.0)
 
 
 @pytest.mark.parametrize("side", [0.01, 1.0, 50.0])
@@ -105,7 +110,7 @@ def test_centre_and_arms_match_the_definition(count):
 def test_the_order_of_sources_changes_no_list():
     # Sources that are close in the order share a query of the grid; scattered ones do not.
     rng = np.random.default_rng(13)
-    target, source = (gaussians(rng, 300, spread=15.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 300, half_width=15.0, max_deviation=0.8) for _ in range(2))
     in_order, scattered = np.lexsort(source.means.T), rng.permutation(300)
     pose = _step(rng, 0.1)
     first, second = (
@@ -123,7 +128,7 @@ def test_the_order_of_sources_changes_no_list():
 
 def test_far_poses_and_empty_sets_have_empty_lists():
     rng = np.random.default_rng(5)
-    some, none = gaussians(rng, 10, spread=5.0), gaussians(rng, 0)
+    some, none = gaussians(rng, 10, half_width=5.0), gaussians(rng, 0)
     for far in ([1e4, 0.0, 0.0], [0.0, -1e12, 0.0], [0.0, 1e300, 0.0]):
         near = NeighbourLists(NeighbourSearch(some, some, 25.0), Pose(np.eye(3), np.array(far)))
         assert _all(near) == set()
@@ -134,11 +139,14 @@ def test_far_poses_and_empty_sets_have_empty_lists():
             assert both.linearise(_step(rng)).value == 0
 
 
-@pytest.mark.parametrize("spread", [5.0, 40.0, 2000.0])
+@pytest.mark.parametrize("half_width", [5.0, 40.0, 2000.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_pairs_in_range_score_as_all_pairs(seed, spread):
+def test_pairs_in_range_score_as_all_pairs(seed, half_width):
     rng = np.random.default_rng(seed)
-    target, source = (gaussians(rng, 90, spread=spread, least=0.2, most=4.0) for _ in range(2))
+    target, source = (
+        gaussians(rng, 90, half_width=half_width, min_deviation=0.2, max_deviation=4.0)
+        for _ in range(2)
+    )
     pose = _step(rng)
     both = {"target": target, "source": source, "shape": ScoreShape(sharpness=0.5)}
     every = GaussiansToGaussians(**both, candidates=_AllPairs(90)).linearise(pose)
@@ -153,7 +161,7 @@ def test_pairs_in_range_score_as_all_pairs(seed, spread):
 def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
     # For round Gaussians the bound is the distance itself: any tighter one fails.
     rng = np.random.default_rng(4)
-    target, source = (gaussians(rng, 80, least=1.0, most=1.0) for _ in range(2))
+    target, source = (gaussians(rng, 80, min_deviation=1.0, max_deviation=1.0) for _ in range(2))
     pose = _step(rng, 0.2)
     s = reference.d2d_squared(
         pose, target.means, target.covariances, source.means, source.covariances
@@ -165,7 +173,7 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
 
 def test_lists_are_valid_until_a_source_may_have_moved_too_far():
     rng = np.random.default_rng(6)
-    target, source = (gaussians(rng, 300, spread=20.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 300, half_width=20.0, max_deviation=0.8) for _ in range(2))
     start = _step(rng, 0.1)
     # Away from the origin, so that a rotation about it also moves the centre.
     source = source.transformed(Pose(np.eye(3), np.array([30.0, 0.0, 0.0])))
@@ -188,7 +196,7 @@ def test_lists_are_valid_until_a_source_may_have_moved_too_far():
 
 def test_cached_lists_do_not_change_values(monkeypatch):
     rng = np.random.default_rng(7)
-    target, source = (gaussians(rng, 200, spread=15.0, most=0.8) for _ in range(2))
+    target, source = (gaussians(rng, 200, half_width=15.0, max_deviation=0.8) for _ in range(2))
     made = []
 
     def counted(*arguments):
@@ -211,7 +219,7 @@ def test_cached_lists_do_not_change_values(monkeypatch):
 
 def test_lists_beyond_the_cache_limit_are_computed_again(monkeypatch):
     rng = np.random.default_rng(8)
-    target, source = (gaussians(rng, 2500, spread=20.0) for _ in range(2))
+    target, source = (gaussians(rng, 2500, half_width=20.0) for _ in range(2))
     pose = _step(rng, 0.1)
     whole = GaussiansToGaussians(target=target, source=source).linearise(pose)
     monkeypatch.setattr(module, "_MAX_CACHED", 500)
@@ -228,7 +236,7 @@ def test_lists_beyond_the_cache_limit_are_computed_again(monkeypatch):
 
 def test_results_are_bitwise_equal_for_any_number_of_threads():
     rng = np.random.default_rng(10)
-    target, source = (gaussians(rng, 3000, spread=25.0) for _ in range(2))
+    target, source = (gaussians(rng, 3000, half_width=25.0) for _ in range(2))
     found = []
     for count in (1, 2, 3, 7):
         objective = GaussiansToGaussians(target=target, source=source)

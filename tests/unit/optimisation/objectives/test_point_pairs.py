@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from reference import differences
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import fit_arun
@@ -42,7 +42,7 @@ def _scene(kind, count=40):
     elif kind == "plane":
         precisions = plane_precisions(_normals(rng, count), weights)
     else:
-        sides = [turned_covariances(rng, rng.uniform(0.1, 1.0, (count, 3))) for _ in range(2)]
+        sides = [rotated_covariances(rng, rng.uniform(0.1, 1.0, (count, 3))) for _ in range(2)]
         precisions = noise_precisions(*map(_packed, sides), POSE)
     return target, source, *rows, precisions
 
@@ -110,7 +110,7 @@ def test_point_to_plane_residuals_do_not_depend_on_the_sign_of_the_normal():
 
 def test_noise_precisions_are_inverses_of_summed_covariances():
     rng = np.random.default_rng(2)
-    first, second = (turned_covariances(rng, rng.uniform(0.1, 1, (9, 3))) for _ in range(2))
+    first, second = (rotated_covariances(rng, rng.uniform(0.1, 1, (9, 3))) for _ in range(2))
     found = unpacked(noise_precisions(_packed(first), _packed(second), POSE))
     turned = POSE.rotation @ second @ POSE.rotation.T
     np.testing.assert_allclose(found, np.linalg.inv(first + turned), rtol=1e-10, atol=1e-10)

@@ -192,7 +192,7 @@ def test_a_start_beside_a_saddle_ends_on_its_own_side(side):
     _assert_consistent(solution, solver)
 
 
-def test_an_indefinite_hessian_at_the_start_still_gives_a_descent():
+def test_an_indefinite_hessian_at_the_start_gives_a_descent_direction():
     solver = Newton()
     solution = solver.minimise(_gaussian_well(), _at(2.0, -1.5, 1.0))
     np.testing.assert_allclose(solution.pose.translation, np.zeros(3), atol=1e-6)
@@ -305,7 +305,7 @@ def test_correspondences_are_aligned(angle, offset):
     _assert_consistent(solution, solver)
 
 
-def test_a_start_at_the_minimum_stays_there():
+def test_a_start_at_the_minimum_is_returned():
     start = _at(1.0, -2.0, 3.0)
     solution = Newton().minimise(_bowl(start.translation), start)
     assert solution.pose == start

@@ -125,7 +125,7 @@ def test_evaluations_do_not_exceed_the_maximum(solver, limit):
 
 
 @_ALL
-def test_a_start_at_the_minimum_stays_there(solver):
+def test_a_start_at_the_minimum_is_returned(solver):
     minimum = solver.minimise(_d2d(solver.curvature), _START).pose
     solver = type(solver)(criteria=ConvergenceCriteria(gradient_tolerance=1e-4))
     solution = solver.minimise(_d2d(solver.curvature), minimum)

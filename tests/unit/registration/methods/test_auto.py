@@ -133,7 +133,7 @@ def test_a_prior_is_a_hypothesis_and_part_of_the_score():
 
 
 @pytest.mark.parametrize("part", ["search", "fallback_search", "range_imager", "fine"])
-def test_every_part_can_be_disabled(scans, part):
+def test_every_step_can_be_disabled(scans, part):
     solution = _solution(scans, replace(_AUTO, **{part: None}), start=_TRUTH)
     _assert_true(solution.pose, metres=0.1, degrees=0.3)
 

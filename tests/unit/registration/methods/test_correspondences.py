@@ -60,10 +60,14 @@ def _found(points, rejection=None, **options):
     return find_correspondences(BruteForceSearch(target), source, rejection, **options)
 
 
-def _expected(points, limit):
-    """Distance of each correspondence within a limit, by all distances."""
+def _expected(points, max_distance):
+    """Distance of each correspondence within a max_distance, by all distances."""
     every = distances(*points)
-    return {(int(row.argmin()), k): row.min() for k, row in enumerate(every) if row.min() <= limit}
+    return {
+        (int(row.argmin()), k): row.min()
+        for k, row in enumerate(every)
+        if row.min() <= max_distance
+    }
 
 
 def _as_set(found):
@@ -85,10 +89,10 @@ def test_correspondences_are_nearest_points_within_the_threshold():
 
 def test_without_a_rejection_all_correspondences_of_the_search_are_kept():
     points = _points()
-    for options, limit in (({}, math.inf), ({"max_distance": 0.5}, 0.5)):
+    for options, max_distance in (({}, math.inf), ({"max_distance": 0.5}, 0.5)):
         found = _found(points, **options)
-        assert _as_set(found) == set(_expected(points, limit))
-        assert found.threshold == limit
+        assert _as_set(found) == set(_expected(points, max_distance))
+        assert found.threshold == max_distance
 
 
 def test_correspondences_are_immutable_and_count_positive_weights():
@@ -160,13 +164,13 @@ def test_correspondences_are_rejected_by_the_angle_between_normals(limit_deg, si
     across = np.cross(normals, unit_vectors(rng, 18))
     across /= np.linalg.norm(across, axis=1)[:, None]
     # A rotation about an axis perpendicular to the normal turns the normal by the same angle.
-    turned = [
+    rotated = [
         exp_rotation(math.radians(angle) * axis) @ normal
         for angle, axis, normal in zip(angles, across, normals, strict=True)
     ]
     order = rng.permutation(18)
     target = point_scan(points[order], normals[order])
-    source = point_scan(_POSE.inverse().apply(points), sign * np.array(turned) @ _POSE.rotation)
+    source = point_scan(_POSE.inverse().apply(points), sign * np.array(rotated) @ _POSE.rotation)
     method = Icp(rejection=FixedRejection(), max_normal_angle=math.radians(limit_deg))
     found = method.correspondences(target, source, _POSE)
     np.testing.assert_array_equal(found.source_rows, np.flatnonzero(angles < limit_deg))
@@ -214,12 +218,12 @@ def test_if_all_normals_differ_there_are_no_correspondences(estimation):
 
 
 def test_infinite_distances_and_a_right_angle_are_valid_settings():
-    widest = Icp(
+    unlimited = Icp(
         rejection=FixedRejection(),
         max_correspondence_distance=math.inf,
         max_normal_angle=math.pi / 2,
     )
-    found = widest.correspondences(*_scans(with_normals=True), _POSE)
+    found = unlimited.correspondences(*_scans(with_normals=True), _POSE)
     assert _as_set(found) == set(_expected(_points(), 1.0))
 
 
@@ -257,14 +261,18 @@ def test_voxel_stages_find_the_voxel_that_contains_a_point():
         assert (stage.scale, stage.max_distance, stage.spacing) == (size, math.inf, size)
         expected = voxels(surface.points, unpacked(surface.covariances), size)
         rows, found = stage.closest.nearest(queries)
-        places = [tuple(np.floor(query / size)) for query in queries]
-        np.testing.assert_array_equal(rows >= 0, [place in expected for place in places])
+        voxel_indices = [tuple(np.floor(query / size)) for query in queries]
+        np.testing.assert_array_equal(
+            rows >= 0, [voxel_index in expected for voxel_index in voxel_indices]
+        )
         assert (rows >= 0).sum() > 20
-        for query, place, row, distance in zip(queries, places, rows, found, strict=True):
+        for query, voxel_index, row, distance in zip(
+            queries, voxel_indices, rows, found, strict=True
+        ):
             if row < 0:
                 assert distance == math.inf
                 continue
-            mean, covariance = expected[place]
+            mean, covariance = expected[voxel_index]
             np.testing.assert_allclose(stage.closest.points[row], mean, atol=1e-9)
             np.testing.assert_allclose(
                 unpacked(stage.surface.covariances[row : row + 1])[0], covariance, atol=1e-9
@@ -272,7 +280,7 @@ def test_voxel_stages_find_the_voxel_that_contains_a_point():
             assert distance == pytest.approx(math.dist(query, mean), abs=1e-9)
 
 
-def test_voxels_with_a_mean_beyond_the_limit_are_not_found():
+def test_voxels_with_a_mean_beyond_the_maximum_distance_are_not_found():
     tree, surface = _surface()
     (stage,) = VoxelSearch(voxel_sizes=(4.0,)).stages(tree, surface, 0.3)
     queries = street(4, 300)

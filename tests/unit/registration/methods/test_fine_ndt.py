@@ -53,10 +53,10 @@ def test_three_grids_give_three_times_the_cells():
 
 
 def test_joined_gaussians_keep_their_order():
-    parts = [_prepared(street(k)).gaussians for k in (1, 2)]
-    both = Gaussians.joined(parts)
-    np.testing.assert_array_equal(both.means[len(parts[0]) :], parts[1].means)
-    np.testing.assert_array_equal(both.counts[: len(parts[0])], parts[0].counts)
+    sets = [_prepared(street(k)).gaussians for k in (1, 2)]
+    both = Gaussians.joined(sets)
+    np.testing.assert_array_equal(both.means[len(sets[0]) :], sets[1].means)
+    np.testing.assert_array_equal(both.counts[: len(sets[0])], sets[0].counts)
     np.testing.assert_allclose(both.variances, np.linalg.eigvalsh(both.covariances), atol=1e-12)
 
 

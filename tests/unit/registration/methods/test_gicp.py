@@ -236,7 +236,7 @@ def test_the_iteration_limit_is_reported():
 
 
 @_with_each_search
-def test_locked_directions_stay(search):
+def test_locked_directions_keep_their_initial_values(search):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
     motion = yaw_pose(0.1, (1.0, -0.5, 0.2))
     solution = _aligned(Gicp(search=search), motion, start, Constraints(dof="xy+yaw"))

@@ -154,7 +154,7 @@ def _notes(points, method):
     return log.notes
 
 
-def test_a_note_says_if_the_noise_may_be_relative_to_a_wrong_origin():
+def test_a_note_warns_of_noise_relative_to_a_wrong_origin():
     note = "sensor noise is relative to the origin, which may not be the sensor"
     on_a_map = street(1, 500) + np.array([5e5, 5e6, 100.0])
     assert note in _notes(on_a_map, Icp(noise=SensorNoise()))
@@ -253,11 +253,11 @@ def test_a_small_mean_distance_stops_early():
 
 def test_the_iteration_limit_is_reported():
     full = _aligned(Icp(), count=3000)
-    cut = _aligned(Icp(criteria=IcpConvergenceCriteria(max_iterations=3)), count=3000)
-    assert cut.reason is StopReason.ITERATION_LIMIT
-    assert len(cut.history) == 3
-    assert cut.pose == full.history[2].pose
-    assert "stopped after 3 iterations" in cut.notes
+    stopped = _aligned(Icp(criteria=IcpConvergenceCriteria(max_iterations=3)), count=3000)
+    assert stopped.reason is StopReason.ITERATION_LIMIT
+    assert len(stopped.history) == 3
+    assert stopped.pose == full.history[2].pose
+    assert "stopped after 3 iterations" in stopped.notes
 
 
 def test_the_rejection_gets_previous_thresholds_after_a_small_step():
@@ -316,7 +316,7 @@ def test_the_paper_stops_at_a_small_relative_change():
 
 
 @pytest.mark.parametrize("estimation", [TransformEstimation(), _PLANES], ids=["points", "planes"])
-def test_locked_directions_stay(estimation):
+def test_locked_directions_keep_their_initial_values(estimation):
     start = Pose.from_step(np.array([0.1, 0.0, 0.25, 0.02, -0.01, 0.0]))
     locked = Constraints(dof="xy+yaw")
     solution = _aligned(Icp(estimation=estimation), start=start, constraints=locked)

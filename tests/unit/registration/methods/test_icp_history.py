@@ -11,7 +11,7 @@ from scanlock.optimisation.solvers.solution import Iteration
 from scanlock.registration.methods.correspondences import Correspondences
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
 
-_NEVER = IcpConvergenceCriteria(step_tolerance=1e-300)
+_UNREACHABLE = IcpConvergenceCriteria(step_tolerance=1e-300)
 
 
 def _shift(x, yaw=0.0):
@@ -178,7 +178,7 @@ def test_a_small_relative_change_stops(before, last, stops):
         if stops
         else ""
     )
-    assert _NEVER.reason(_iterations([before, last])) == (None, "")
+    assert _UNREACHABLE.reason(_iterations([before, last])) == (None, "")
 
 
 def test_the_iteration_limit_is_not_convergence():

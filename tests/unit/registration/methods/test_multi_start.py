@@ -9,7 +9,7 @@ from scanlock.registration.methods.multi_start import MultiStart
 from scanlock.registration.search.hypothesis import Hypothesis
 
 _TRUTH = yaw_pose(0.7, (3.0, -2.0, 0.2))
-_WORLD = gaussians(np.random.default_rng(0), 60, spread=25.0, most=1.0)
+_WORLD = gaussians(np.random.default_rng(0), 60, half_width=25.0, max_deviation=1.0)
 _TARGET = (_WORLD, _WORLD)
 _SOURCE = tuple(one.transformed(_TRUTH.inverse()) for one in _TARGET)
 

@@ -34,7 +34,7 @@ def test_p2d_registers_with_any_voxel_size():
 
 
 def test_merging_gaussians_hardly_changes_a_smoothed_score():
-    clusters = gaussians(np.random.default_rng(3), 500, spread=20.0)
+    clusters = gaussians(np.random.default_rng(3), 500, half_width=20.0)
     for smoothing in (8.0, 4.0):
         merged = clusters.merged(2.0 * smoothing, 0.5)
         assert len(merged) < 0.5 * len(clusters)

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from reference.point_scans import point_scan, unit_vectors
-from reference.samples import turned_covariances
+from reference.samples import rotated_covariances
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun
@@ -26,7 +26,7 @@ def _packed(full):
 
 
 def _covariances(rng, count):
-    return _packed(turned_covariances(rng, rng.uniform(1e-4, 1e-2, (count, 3))))
+    return _packed(rotated_covariances(rng, rng.uniform(1e-4, 1e-2, (count, 3))))
 
 
 def _pairs(rows, weights=None):
@@ -97,8 +97,8 @@ def test_point_to_plane_residuals_are_along_the_normal_of_the_target():
 
 def _pair_covariances(target, source, pairs):
     """Covariance of the difference of each correspondence at the start."""
-    turned = _START.rotation @ unpacked(source.covariances) @ _START.rotation.T
-    return unpacked(target.covariances)[pairs.target_rows] + turned[pairs.source_rows]
+    rotated = _START.rotation @ unpacked(source.covariances) @ _START.rotation.T
+    return unpacked(target.covariances)[pairs.target_rows] + rotated[pairs.source_rows]
 
 
 @_with_each_closed_form
@@ -220,7 +220,7 @@ def _best_of(dof, scans, start):
 
 @_with_each_algorithm
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
-def test_locked_directions_stay_and_the_others_are_optimal(algorithm, dof):
+def test_locked_directions_are_unchanged_and_the_others_optimal(algorithm, dof):
     scans, constraints = _scans(noise=0.2), Constraints(dof=dof)
     found, note = _estimated(
         TransformEstimation(algorithm=algorithm),

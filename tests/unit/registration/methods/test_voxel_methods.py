@@ -70,7 +70,7 @@ def test_published_settings_recover_small_motions_only(name):
 
 
 @pytest.mark.parametrize("name", _DEFAULTS)
-def test_locked_directions_stay_at_every_scale(name):
+def test_locked_directions_are_locked_at_every_scale(name):
     start = Pose.from_step(np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]))
     found = _align(_DEFAULTS[name], _NEAR, start, Constraints(dof="xy+yaw"))
     for entry in found.history:

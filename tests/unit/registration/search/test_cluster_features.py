@@ -65,8 +65,8 @@ def test_deviations_and_kinds_are_invariant_to_rotations():
     assert set(one.kinds.tolist()) == set(ClusterKind)
     np.testing.assert_array_equal(one.kinds, other.kinds)
     np.testing.assert_allclose(one.log_deviations, other.log_deviations, atol=1e-9)
-    turned = one.axes @ pose.rotation.T
-    np.testing.assert_allclose((turned * other.axes).sum(1) ** 2, (one.axes**2).sum(1), atol=1e-6)
+    rotated = one.axes @ pose.rotation.T
+    np.testing.assert_allclose((rotated * other.axes).sum(1) ** 2, (one.axes**2).sum(1), atol=1e-6)
 
 
 def test_a_scan_without_clusters_has_no_features():

@@ -20,7 +20,7 @@ _NONE = Gaussians.from_covariances(np.empty((0, 3)), np.empty((0, 3, 3)), np.emp
 
 
 def _world(seed=0, count=60):
-    clusters = gaussians(np.random.default_rng(seed), count, spread=20.0, most=1.0)
+    clusters = gaussians(np.random.default_rng(seed), count, half_width=20.0, max_deviation=1.0)
     return Gaussians.from_covariances(
         clusters.means * [1.0, 1.0, 0.1], clusters.covariances, clusters.counts
     )

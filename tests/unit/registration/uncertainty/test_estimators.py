@@ -140,8 +140,8 @@ def test_the_factor_scales_the_standard_deviations():
 
 
 def test_roll_and_pitch_are_inflated_wherever_the_source_is():
-    place = Pose(np.eye(3), np.array([4.0, -9.0, 2.0]))
-    at_origin, away = (_solved(*_planes(5, pose=pose)) for pose in (Pose.identity(), place))
+    distant = Pose(np.eye(3), np.array([4.0, -9.0, 2.0]))
+    at_origin, away = (_solved(*_planes(5, pose=pose)) for pose in (Pose.identity(), distant))
     one, three = (_estimated(at_origin, 1.0, times, min_deviation=1e-9)[0] for times in (1.0, 3.0))
     np.testing.assert_allclose(three[3:5, 3:5], 9.0 * one[3:5, 3:5], rtol=1e-6)
     found = _estimated(away, 1.0, 3.0, min_deviation=1e-9)[0]

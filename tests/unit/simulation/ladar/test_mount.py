@@ -84,7 +84,7 @@ def test_mount_settings_out_of_range_are_refused(change, message):
         dataclasses.replace(_PLAIN, **change)
 
 
-def test_a_tilt_is_fixed_or_oscillates_about_its_mean():
+def test_a_tilt_is_constant_or_oscillates_about_its_mean():
     fixed = TiltSweep(pan=0.3, tilt=-0.2)
     assert {fixed.at(time) for time in (0.0, 1.7, 100.0)} == {(0.3, -0.2)}
     swinging = TiltSweep(tilt=-0.2, swing=0.1, period=4.0)

@@ -135,7 +135,7 @@ def test_noise_and_resolution_have_the_given_sizes():
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-9)
 
 
-def test_empty_facets_have_the_given_share_and_span_two_rows():
+def test_empty_facets_have_the_given_ratio_and_span_two_rows():
     down = np.radians(-25.0)
     ladar = dataclasses.replace(_EXACT, facet_loss=0.25)
     whole = np.isfinite(_frame(tilt=down).ranges)

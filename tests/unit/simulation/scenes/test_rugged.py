@@ -178,9 +178,7 @@ def test_a_frame_is_ahead_and_down_with_ranges_of_a_few_metres(terrain):
 @pytest.mark.parametrize(
     ("interval", "speed"), [(1, 15.0 / 3.6), (20, 0.1)], ids=["consecutive", "twenty apart"]
 )
-def test_closest_points_at_the_exact_pose_are_as_far_apart_as_in_the_paper(
-    terrain, interval, speed
-):
+def test_closest_distances_at_the_exact_pose_match_the_paper(terrain, interval, speed):
     # The paper: 5.8 cm for consecutive scans, 4.6 cm at an interval of twenty, for inliers.
     inliers, aligned, unaligned = [], [], []
     for target, source in _pairs(terrain, interval, speed):

@@ -86,7 +86,7 @@ class _Counted:
 
 
 @pytest.mark.parametrize("name", _FUNCTIONS)
-def test_more_and_thuente_take_the_steps_of_their_tables(name):
+def test_more_thuente_reproduces_the_published_tables(name):
     decrease, flatness, rows = _TABLES[name]
     search = MoreThuente(decrease=decrease, flatness=flatness)
     for first, (evaluations, length) in zip(_FIRSTS, rows, strict=True):

@@ -12,7 +12,7 @@ import pytest
 from scanlock import io
 from scanlock.errors import FormatError, ScanlockError
 
-_ROOT = Path(__file__).parents[3]
+_ROOT = Path(__file__).parents[2]
 _CORPUS = sorted(path for path in (_ROOT / "tests" / "corpus").glob("*/*") if path.is_file())
 
 

@@ -72,13 +72,15 @@ def test_the_row_length_of_raw_floats_is_guessed(scan_data, pattern, count, widt
 @pytest.mark.parametrize(
     ("name", "width"), [("kitti_00/velodyne/000094.bin", 4), ("handheld_balm/scans/000000.bin", 3)]
 )
-def test_raw_floats_cut_to_rows_of_another_length_are_refused(scan_data, tmp_path, name, width):
+def test_raw_floats_truncated_to_rows_of_another_length_are_refused(
+    scan_data, tmp_path, name, width
+):
     data = (scan_data / name).read_bytes()
     other = 7 - width
     for rows in (1001, 15_001):
-        kept = 4 * other * rows
-        assert kept % (4 * width)
-        (tmp_path / "a.bin").write_bytes(data[:kept])
+        size = 4 * other * rows
+        assert size % (4 * width)
+        (tmp_path / "a.bin").write_bytes(data[:size])
         with pytest.raises(FormatError, match=f"rows of {width} float32, as the values suggest"):
             read_scan(tmp_path / "a.bin")
 
@@ -144,11 +146,11 @@ def test_truncated_real_files_are_refused(scan_data, tmp_path, name):
     data = (scan_data / name).read_bytes()
     rng = np.random.default_rng(1)
     ends = [*range(1, 60, 7), *rng.integers(60, len(data), 12), len(data) - 1]
-    cut = tmp_path / name.rpartition("/")[2]
+    truncated = tmp_path / name.rpartition("/")[2]
     for end in ends:
-        cut.write_bytes(data[:end])
+        truncated.write_bytes(data[:end])
         with pytest.raises(FormatError):
-            read_scan(cut)
+            read_scan(truncated)
 
 
 def test_other_formats_are_refused(scan_data):

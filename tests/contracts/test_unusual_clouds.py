@@ -1,9 +1,9 @@
-"""Clouds that nobody should register: an error or a status that is not ok, for every method."""
+"""Unsuitable and unusual clouds: an error, a status other than ok, or the correct pose."""
 
 import numpy as np
 import pytest
 
-from contracts.traits import gap, result, source, target
+from contracts.traits import max_point_distance, result, source, target
 from reference.pairs import register_pair
 from scanlock.errors import InvalidInput
 from scanlock.registration.register import register
@@ -12,7 +12,7 @@ from scanlock.registration.registry import METHODS
 pytestmark = pytest.mark.parametrize("method", METHODS)
 
 _LINE = np.outer(np.linspace(-20.0, 20.0, 5000), [1.0, 0.0, 0.0])
-_SPOT = np.tile([[3.0, 1.0, 0.0]], (5000, 1))
+_POINT = np.tile([[3.0, 1.0, 0.0]], (5000, 1))
 
 
 def _plane():
@@ -21,16 +21,16 @@ def _plane():
 
 
 def _ball(scan):
-    """Another sample of the same ball for each scan: any turn lays one onto the other."""
+    """Another sample of the same sphere for each scan, invariant to all rotations."""
     seed = int(1e6 * abs(float(scan[0, 0])))
     ball = np.random.default_rng(seed).normal(size=(6000, 3))
     return 10.0 * ball / np.linalg.norm(ball, axis=1)[:, None]
 
 
-_POOR = {
+_DEGENERATE = {
     "one point": lambda scan: scan[:1],
     "two points": lambda scan: scan[:2],
-    "one place": lambda scan: _SPOT,
+    "equal points": lambda scan: _POINT,
     "a line": lambda scan: _LINE,
     "a plane": lambda scan: _plane(),
     "a ball": _ball,
@@ -38,13 +38,13 @@ _POOR = {
     "micrometres across": lambda scan: 1e-6 * scan,
     "millimetres": lambda scan: 1e3 * scan,
     "thousands of kilometres": lambda scan: 1e6 * scan,
-    "a milliard times as large": lambda scan: 1e9 * scan,
+    "a billion times as large": lambda scan: 1e9 * scan,
 }
 
 
-@pytest.mark.parametrize("name", _POOR)
-def test_too_poor_a_cloud_is_never_ok(method, name):
-    make = _POOR[name]
+@pytest.mark.parametrize("name", _DEGENERATE)
+def test_degenerate_and_misscaled_clouds_are_never_ok(method, name):
+    make = _DEGENERATE[name]
     for scans in ((make(source(method)), make(target())), (make(source(method)), target())):
         found = register_pair(scans, method=method)
         assert not found.ok
@@ -52,7 +52,7 @@ def test_too_poor_a_cloud_is_never_ok(method, name):
         assert np.isfinite(found.target_from_source.matrix).all()
 
 
-def test_a_unit_that_cannot_be_metres_is_named(method):
+def test_units_other_than_metres_are_noted(method):
     found = register(source=1e3 * source(method), target=target(), method=method)
     assert any("source" in note and "multiply by 0.001" in note for note in found.notes)
     found = register(source=source(method), target=1e-3 * target(), method=method)
@@ -63,27 +63,37 @@ def test_a_unit_that_cannot_be_metres_is_named(method):
 def test_a_mirrored_scan_is_never_ok(method):
     mirror = np.array([1.0, -1.0, 1.0])
     assert not register(source=source(method) * mirror, target=target(), method=method).ok
-    # Both mirrored is a left-handed frame, and a rigid motion all the same.
+    # Two mirrored scans are in left-handed frames, with a rigid motion between them.
     both = register(source=source(method) * mirror, target=target() * mirror, method=method)
     assert both.ok
     rotation = both.target_from_source.rotation
     expected = result(method).target_from_source.rotation
-    turned = expected * np.outer(mirror, mirror)
-    assert np.abs(rotation - turned).max() < 0.01
+    mirrored = expected * np.outer(mirror, mirror)
+    assert np.abs(rotation - mirrored).max() < 0.01
 
 
 @pytest.mark.parametrize("far", [1e6, 1e11])
-def test_a_point_of_garbage_costs_nothing_and_no_memory(method, far):
-    spoilt = np.vstack([source(method), [[far, -far, far]]])
-    found = register(source=spoilt, target=target(), method=method)
+def test_an_extreme_outlier_does_not_change_the_pose(method, far):
+    points = np.vstack([source(method), [[far, -far, far]]])
+    found = register(source=points, target=target(), method=method)
     assert found.ok
-    assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.02
+    assert (
+        max_point_distance(
+            found.target_from_source, result(method).target_from_source, source(method)
+        )
+        < 0.02
+    )
 
 
-def test_points_told_many_times_are_weighed_and_found_right(method):
+def test_repeated_points_do_not_bias_the_pose(method):
     found = register(source=np.repeat(source(method), 3, axis=0), target=target(), method=method)
     assert found.ok
-    assert gap(found.target_from_source, result(method).target_from_source, source(method)) < 0.1
+    assert (
+        max_point_distance(
+            found.target_from_source, result(method).target_from_source, source(method)
+        )
+        < 0.1
+    )
 
 
 _LAYOUTS = {
@@ -100,14 +110,14 @@ _LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", _LAYOUTS)
-def test_how_numbers_lie_in_memory_changes_no_bit(method, name):
-    made = _LAYOUTS[name]
-    found = register(source=made(source(method)), target=made(target()), method=method)
+def test_memory_layouts_give_identical_results(method, name):
+    convert = _LAYOUTS[name]
+    found = register(source=convert(source(method)), target=convert(target()), method=method)
     assert found.target_from_source == result(method).target_from_source
     assert found.probability == result(method).probability
 
 
-def test_whole_numbers_are_taken_as_what_they_are(method):
+def test_integers_are_converted_without_scaling(method):
     whole = [np.round(scan).astype(np.int16) for scan in (source(method), target())]
     as_floats = [scan.astype(np.float64) for scan in whole]
     found, expected = register_pair(whole, method=method), register_pair(as_floats, method=method)
@@ -126,6 +136,6 @@ def test_whole_numbers_are_taken_as_what_they_are(method):
         (np.zeros(9, [("x", float), ("y", float), ("z", float)]), "np.column_stack"),
     ],
 )
-def test_what_is_no_cloud_is_refused_with_the_remedy(method, scan, message):
+def test_invalid_clouds_are_refused_with_a_remedy(method, scan, message):
     with pytest.raises(InvalidInput, match=f"source.*{message}"):
         register(source=scan, target=target(), method=method)
