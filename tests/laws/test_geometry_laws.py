@@ -70,7 +70,7 @@ def test_a_retraction_moves_points_in_the_target_frame(pose, step):
 
 
 @given(_vectors_of_rotation())
-def test_exp_gives_a_rotation_whose_inverse_is_the_opposite_vector(vector):
+def test_exp_gives_a_rotation_and_the_opposite_vector_its_inverse(vector):
     rotation = exp_rotation(vector)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
     assert np.linalg.det(rotation) > 0

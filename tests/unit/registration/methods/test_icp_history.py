@@ -152,7 +152,7 @@ def test_a_small_step_stops(step, stops):
     assert note == ("stopped because the pose no longer changed" if stops else "")
 
 
-def test_the_first_iteration_does_not_meet_the_step_tolerance():
+def test_the_first_iteration_is_never_below_the_step_tolerance():
     iterations = _iterations([_shift(0.0)], step_norm=0.0)
     assert IcpConvergenceCriteria().reason(iterations) == (None, "")
 
