@@ -1,15 +1,18 @@
-"""Examples of the documentation and the README, run as printed."""
+"""Examples of the documentation and the README, run as printed; the architecture page, traced."""
 
 import doctest
 import importlib
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import scanlock
 from scanlock import METHODS
 from scanlock.cli import main
+from scanlock.simulation import scan_pair
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PAGES = [
@@ -56,3 +59,62 @@ def test_the_method_of_the_how_to_page_runs(monkeypatch, tmp_path):
     files = [str(tmp_path / f"{name}.npy") for name in ("source", "target")]
     options = ["--method", "plane-icp", "--initial", str(tmp_path / "start.txt")]
     assert main(["register", *files, *options]) == 0
+
+
+def _calls_of(work):
+    """Return the calls of scanlock during some work, each with those that contain it."""
+    package = Path(scanlock.__file__).parent
+    calls, stack = [], []
+
+    def profile(frame, event, _):
+        path = Path(frame.f_code.co_filename)
+        if not path.is_relative_to(package):
+            return
+        if event == "call":
+            stack.append((frame.f_code.co_qualname, path.relative_to(package).as_posix()))
+            calls.append(tuple(stack))
+        elif event == "return" and stack:
+            stack.pop()
+
+    sys.setprofile(profile)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def test_the_calls_of_a_registration_are_those_of_the_architecture_page():
+    text = (_ROOT / "docs" / "architecture.md").read_text("utf-8")
+    tree = re.search(r"## The way of a scan.*?```text\n(.*?)```", text, re.DOTALL)[1]
+    pair = scan_pair("street", "hdl_32e", seed=1)
+    calls = _calls_of(
+        lambda: scanlock.register(
+            source=pair.source.points,
+            target=pair.target.points,
+            covariance="sandwich",
+            threads=1,
+        )
+    )
+    parents, position = [], 0
+    for line in tree.splitlines():
+        indent, name, file = re.match(r"([│├└─ ]*)(\S+) +(\S+\.py)", line).groups()
+        parents = [*parents[: len(indent) // 4], (name, file)]
+        found = (
+            index
+            for index, chain in enumerate(calls)
+            if index >= position
+            and chain[-1] == parents[-1]
+            and all(parent in chain for parent in parents)
+        )
+        position = next(found, None)
+        assert position is not None, f"{name} of {file} is not called there"
+    assert len(parents) < 3 < len(tree.splitlines())
+
+
+def test_the_places_of_the_architecture_page_exist():
+    text = (_ROOT / "docs" / "architecture.md").read_text("utf-8")
+    places = re.findall(r"^\| .*? \| (`.*?) \|$", text, re.MULTILINE)
+    assert len(places) >= 12
+    for place in re.findall(r"`(.*?)`", " ".join(places)):
+        assert (_ROOT / "src" / "scanlock" / place).exists(), place
