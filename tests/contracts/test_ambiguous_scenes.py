@@ -57,6 +57,7 @@ def method(request):
     return request.param
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _WORLDS)
 def test_a_pose_with_status_ok_is_correct(method, name):
     target, source, truth = _scans(name)

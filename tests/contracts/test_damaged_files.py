@@ -12,6 +12,8 @@ import pytest
 from scanlock import io
 from scanlock.errors import FormatError, ScanlockError
 
+pytestmark = pytest.mark.stress
+
 _ROOT = Path(__file__).parents[2]
 _CORPUS = sorted(path for path in (_ROOT / "tests" / "corpus").glob("*/*") if path.is_file())
 

@@ -25,9 +25,10 @@ from scanlock.simulation import CAR, Drive, SimulatedSequence, SurfaceClass, Wor
 if numba.config.DISABLE_JIT or "fork" not in multiprocessing.get_all_start_methods():
     pytest.skip("needs compiled kernels and fork", allow_module_level=True)
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:This process .* is multi-threaded:DeprecationWarning"
-)
+pytestmark = [
+    pytest.mark.stress,
+    pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning"),
+]
 
 _SCANS = 3
 _SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGKILL]

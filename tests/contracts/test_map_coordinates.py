@@ -14,7 +14,7 @@ from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.verification.status import Status
 
-pytestmark = pytest.mark.parametrize("method", METHODS)
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("method", METHODS)]
 
 
 def _assert_equals_local_registration(method, shift, tolerance):

@@ -51,6 +51,7 @@ def test_a_known_motion_is_recovered(method, index):
     assert found.target_from_source.is_close(truth, translation=METRES, rotation=RADIANS)
 
 
+@pytest.mark.slow
 def test_a_motion_with_roll_and_pitch_is_recovered(method):
     scale = 1.0 if TRAITS[method].motions[0].translation[0] > 1.0 else 0.25
     truth = Pose.from_step(scale * np.array([1.0, -1.0, 0.3, 0.08, -0.05, 0.3]))
@@ -60,6 +61,7 @@ def test_a_motion_with_roll_and_pitch_is_recovered(method):
     assert found.target_from_source.is_close(truth, translation=0.2, rotation=3 * RADIANS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("angle", "translation"), [(0.7, (3.0, 2.0, 0.0)), (2.0, (1.0, 1.0, 0.5)), (0, (0.3, 0.2, 0))]
 )
@@ -79,6 +81,7 @@ def test_the_pose_is_equivariant_to_a_common_motion(method, angle, translation):
     assert distance < TRAITS[method].common_motion_tolerance
 
 
+@pytest.mark.slow
 def test_the_pose_is_equivariant_to_half_a_turn_up_to_rounding(method):
     # Half a turn maps bins onto bins and voxels onto voxels, so only rounding and the step
     # tolerance of a micrometre remain.
@@ -91,6 +94,7 @@ def test_the_pose_is_equivariant_to_half_a_turn_up_to_rounding(method):
     assert distance < TRAITS[method].half_turn_tolerance
 
 
+@pytest.mark.slow
 def test_exchanging_the_scans_inverts_the_pose(method):
     back = register(source=target(), target=source(method), method=method)
     assert back.status is Status.OK
@@ -100,6 +104,7 @@ def test_exchanging_the_scans_inverts_the_pose(method):
     assert round_trip.is_close(Pose.identity(), translation=metres, rotation=radians)
 
 
+@pytest.mark.slow
 def test_the_order_of_points_does_not_change_the_pose(method):
     rng = np.random.default_rng(3)
     shuffled = register(
@@ -113,6 +118,7 @@ def test_the_order_of_points_does_not_change_the_pose(method):
     assert distance < TRAITS[method].order_tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [[300.0, 0.0, 0.0], [0.0, 0.0, 1e4], [1e6, 1e6, 0.0], [1e12] * 3])
 def test_a_distant_point_does_not_change_the_pose(method, far):
     is_local = TRAITS[method].is_local
@@ -127,6 +133,7 @@ def test_a_distant_point_does_not_change_the_pose(method, far):
     assert distance < (1e-5 if is_local else 2 * METRES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
 def test_locked_directions_keep_their_initial_values(method, dof):
     initial = Pose.from_step(np.array([0.0, 0.0, 0.02, 0.005, -0.003, 0.0]))
@@ -143,6 +150,7 @@ def test_locked_directions_keep_their_initial_values(method, dof):
     assert math.hypot(pose.translation[0] - x, pose.translation[1] - y) < 2 * METRES
 
 
+@pytest.mark.slow
 def test_a_prior_acts_by_its_precision(method):
     truth = motion(method)
     mean = Pose(truth.rotation, truth.translation + np.array([0.2, 0.1, 0.0]))

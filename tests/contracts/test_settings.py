@@ -16,7 +16,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.register import register
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 
-pytestmark = pytest.mark.parametrize("method", METHODS)
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("method", METHODS)]
 
 _TESTS = Path(__file__).resolve().parents[1]
 _PYTHONPATH = [path for path in [os.environ.get("PYTHONPATH")] if path]

@@ -15,6 +15,8 @@ from reference.pairs import register_pair
 from reference.samples import street
 from scanlock.registration.register import register
 
+pytestmark = pytest.mark.stress
+
 _METHODS = ("auto", "sgc-ndt-d2d", "gicp", "icp", "ndt")
 
 

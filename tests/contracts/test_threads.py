@@ -10,7 +10,7 @@ from contracts.traits import source, target
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 
-pytestmark = pytest.mark.parametrize("method", METHODS)
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("method", METHODS)]
 
 
 def _result_bytes(method, threads=1):

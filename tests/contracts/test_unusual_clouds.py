@@ -9,7 +9,7 @@ from scanlock.errors import InvalidInput
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 
-pytestmark = pytest.mark.parametrize("method", METHODS)
+pytestmark = [pytest.mark.slow, pytest.mark.parametrize("method", METHODS)]
 
 _LINE = np.outer(np.linspace(-20.0, 20.0, 5000), [1.0, 0.0, 0.0])
 _POINT = np.tile([[3.0, 1.0, 0.0]], (5000, 1))

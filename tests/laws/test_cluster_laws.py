@@ -1,6 +1,7 @@
 """Laws of clustering: independence of the first bin and of the order of the points."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +22,7 @@ def _points(seed, count):
     return centres[chosen] + sizes[chosen, None] * rng.normal(size=(count, 3))
 
 
+@pytest.mark.slow
 @given(
     seed=_SEEDS,
     count=st.integers(0, 80),
@@ -51,6 +53,7 @@ def test_greedy_growth_gives_the_same_clusters(seed, count, sectors, threshold, 
     assert clusters == len(expected)
 
 
+@pytest.mark.slow
 @given(seed=_SEEDS, count=st.integers(1, 200), radius=st.floats(0.05, 4.0))
 def test_split_clusters_are_small_nested_and_independent_of_order(seed, count, radius):
     points = _points(seed, count)

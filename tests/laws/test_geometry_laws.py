@@ -1,6 +1,7 @@
 """Group axioms of poses, and laws of exponentials and logarithms."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -33,6 +34,7 @@ def _assert_close(a, b):
     np.testing.assert_allclose(a.matrix, b.matrix, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @given(_poses(), _poses(), _poses())
 def test_composition_is_associative(a, b, c):
     _assert_close((a @ b) @ c, a @ (b @ c))

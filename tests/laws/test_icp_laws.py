@@ -1,6 +1,7 @@
 """Laws of ICP: the closed forms agree, and so do the nearest-neighbour searches."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -9,6 +10,8 @@ from scanlock.clouds.neighbours import nearest_neighbours
 from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rigid_fit import PairMoments, fit_arun, fit_horn, fit_yaw
+
+pytestmark = pytest.mark.slow
 
 _coordinates = st.floats(-50.0, 50.0, width=32)
 _steps = arrays(np.float64, 6, elements=st.floats(-3.0, 3.0))

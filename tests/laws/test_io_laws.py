@@ -67,6 +67,7 @@ def _scans(draw):
     return points, fields
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(scan=_scans())
 @settings(max_examples=25)
@@ -93,6 +94,7 @@ def _example(path, encoding):
     return points, path.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _COUNTED)
 def test_truncated_files_are_never_read_as_smaller_scans(folder, name, encoding):
     path = folder / name
@@ -109,6 +111,7 @@ def test_truncated_files_are_never_read_as_smaller_scans(folder, name, encoding)
         assert "no line end" in scan.notes[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.csv", "a.xyz"])
 def test_truncated_tables_without_a_count_lose_whole_lines_only(folder, name):
     path = folder / name
@@ -122,6 +125,7 @@ def test_truncated_tables_without_a_count_lose_whole_lines_only(folder, name):
         assert len(scan) == data[:end].count(b"\n") - 1 + bool(scan.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(data=st.data())
 def test_damaged_files_are_read_or_raise_a_format_error(folder, name, encoding, data):
@@ -156,6 +160,7 @@ _STEPS = hnp.arrays(np.float64, 6, elements=st.floats(-3, 3)).map(
 )
 
 
+@pytest.mark.slow
 @given(poses=st.lists(_STEPS, min_size=1, max_size=4), start=st.floats(0, 2e9))
 def test_poses_round_trip(folder, poses, start):
     path = folder / "poses.txt"

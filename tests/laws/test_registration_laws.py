@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,6 +12,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.verification.status import Status
+
+pytestmark = pytest.mark.slow
 
 _METHODS = st.sampled_from(sorted(METHODS))
 _SMOOTHED = st.sampled_from(["sgc-ndt-d2d", "sgc-ndt-p2d"])

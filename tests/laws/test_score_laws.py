@@ -1,6 +1,7 @@
 """Scores against brute force and central differences; symmetry under exchange of the scans."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -116,11 +117,13 @@ def _assert_derivatives(objective, value, pair):
     )
 
 
+@pytest.mark.slow
 @given(_pairs)
 def test_d2d_and_its_derivatives_follow_from_the_definition(pair):
     _assert_derivatives(pair.d2d, pair.d2d_value, pair)
 
 
+@pytest.mark.slow
 @given(_pairs)
 def test_p2d_and_its_derivatives_follow_from_the_definition(pair):
     _assert_derivatives(pair.p2d, pair.p2d_value, pair)

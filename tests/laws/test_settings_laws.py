@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import tomllib
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,7 @@ def _settings(draw, kind, base=None):
     return settings
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(sorted(METHODS)).flatmap(
         lambda name: _settings(type(METHODS[name]), METHODS[name])

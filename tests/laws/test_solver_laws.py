@@ -16,6 +16,8 @@ from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
 
+pytestmark = pytest.mark.slow
+
 _SOLVERS = [
     LineSearchNewton(),
     LineSearchNewton(line_search=Armijo()),

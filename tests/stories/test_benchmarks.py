@@ -92,6 +92,7 @@ def test_files_and_commands_named_in_texts_exist():
         assert (_ROOT / path).is_file(), name
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 def test_the_guard_times_stages_and_warns_of_slow_ones(tmp_path):
     recorded = tomllib.loads((_FOLDER / "speed" / "guard.toml").read_text())["multiples"]

@@ -12,9 +12,12 @@ import pytest
 from scanlock.geometry.pose import Pose
 from scanlock.io import read_labels, read_pose, read_scan
 
-pytestmark = pytest.mark.skipif(
-    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+    ),
+]
 
 
 def _scanlock(*arguments, cwd=None):

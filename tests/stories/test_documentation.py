@@ -22,6 +22,7 @@ _PAGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", _PAGES, ids=lambda page: page.name)
 def test_the_examples_of_a_page_print_the_shown_output(page):
     blocks = re.findall(r"^```pycon\n(.*?)^```$", page.read_text("utf-8"), re.DOTALL | re.MULTILINE)
@@ -34,6 +35,7 @@ def test_the_examples_of_a_page_print_the_shown_output(page):
     assert outcome.failed == 0, "".join(report)
 
 
+@pytest.mark.slow
 def test_the_method_of_the_how_to_page_runs(monkeypatch, tmp_path):
     text = (_ROOT / "docs" / "how-to" / "add-a-method.md").read_text("utf-8")
     code = "\n".join(re.findall(r"^```python\n(.*?)^```$", text, re.DOTALL | re.MULTILINE))

@@ -13,7 +13,7 @@ from scanlock.registration.methods.correspondences import NearestNeighbourSearch
 from scanlock.registration.methods.gicp import Gicp
 
 small_gicp = pytest.importorskip("small_gicp")
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.slow, pytest.mark.data]
 
 _METRES, _RADIANS = 0.001, math.radians(0.005)
 _WITHIN_A_METRE = NearestNeighbourSearch(max_correspondence_distances=(1.0,))

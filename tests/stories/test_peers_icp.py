@@ -15,7 +15,7 @@ from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
 from scanlock.registration.methods.rejection import FixedRejection
 from scanlock.registration.methods.transform_estimation import TransformEstimation
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.slow, pytest.mark.data]
 
 _METRES, _RADIANS = 0.001, math.radians(0.005)
 """Maximum difference of two converged poses.

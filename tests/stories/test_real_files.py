@@ -14,7 +14,7 @@ from scanlock.io import (
     read_tum_poses,
 )
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.slow, pytest.mark.data]
 
 
 def _files(folder, pattern, count):

@@ -11,7 +11,7 @@ import scanlock
 from scanlock.geometry.pose import Pose
 from scanlock.registration.registry import METHODS
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.slow, pytest.mark.data]
 # ICP, a baseline of the papers, fails on some of these pairs or has errors of decimetres.
 _with_each_method = pytest.mark.parametrize(
     "method", [name for name in METHODS if not name.startswith("icp")]

@@ -58,6 +58,7 @@ print([m for m in {heavy} if m in sys.modules])
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+@pytest.mark.slow
 def test_importing_every_module_compiles_nothing_and_prints_nothing(tmp_path):
     names = [_name(path) for path in _MODULES if path.name != "__main__.py"]
     code = f"""

@@ -8,6 +8,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 _ROOT = Path(__file__).resolve().parents[2]
 
 _WORDS = {
@@ -107,6 +109,7 @@ def _retired_in_files(words, paths):
     return messages
 
 
+@pytest.mark.slow
 def test_code_has_no_retired_words():
     folders = _ROOT / "src", _ROOT / "benchmarks"
     endings = {".py", ".pyi"}
@@ -124,6 +127,7 @@ def test_pages_have_no_retired_words():
     assert not found, "\n".join(found)
 
 
+@pytest.mark.slow
 def test_names_of_tests_have_no_retired_words():
     found = []
     for path in sorted((_ROOT / "tests").rglob("*.py")):

@@ -20,6 +20,7 @@ def _python(code, **options):
     )
 
 
+@pytest.mark.slow
 def test_help_imports_no_numerical_packages():
     heavy = ["numpy", "numba", "scipy", "matplotlib", "laspy"]
     code = f"""
@@ -117,6 +118,7 @@ def test_an_interrupt_prints_nothing(scanlock, monkeypatch, scans):
     assert (done.code, done.out, done.err) == (130, "", "")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes behave differently on Windows")
 @pytest.mark.parametrize("option", [[], ["--json"]])
 def test_a_closed_pipe_is_not_an_error(scans, option):
@@ -135,6 +137,7 @@ def test_a_closed_pipe_is_not_an_error(scans, option):
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.slow
 def test_names_outside_the_encoding_of_the_terminal_are_escaped(tmp_path, scans):
     path = tmp_path / "straße.npy"
     path.write_bytes((scans / "target.npy").read_bytes())

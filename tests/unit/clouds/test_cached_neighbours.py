@@ -33,6 +33,7 @@ def test_the_result_is_exact_at_every_step(shrinking, max_distance):
         step *= shrinking
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),

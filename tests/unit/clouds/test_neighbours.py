@@ -42,6 +42,7 @@ _CLOUDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cloud", _CLOUDS)
 def test_the_tessellation_finds_the_nearest_point(cloud):
     rng = np.random.default_rng(0)

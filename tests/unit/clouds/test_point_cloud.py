@@ -147,9 +147,9 @@ def test_many_large_but_valid_coordinates_are_kept():
 @pytest.mark.parametrize(
     ("array", "message"),
     [
-        (np.zeros((0, 3)), r"scan holds no finite point \(0 rows\)"),
-        (np.full((5, 3), np.nan), r"scan holds no finite point \(5 rows\)"),
-        (np.full((5, 3), 1e308), r"scan holds no finite point \(5 rows\)"),
+        (np.zeros((0, 3)), r"scan has no finite point \(0 rows\)"),
+        (np.full((5, 3), np.nan), r"scan has no finite point \(5 rows\)"),
+        (np.full((5, 3), 1e308), r"scan has no finite point \(5 rows\)"),
         (np.zeros(3), r"scan must have shape \(n, 3\) or wider, got \(3,\)"),
         (np.zeros((5, 2)), r"scan must have shape \(n, 3\) or wider, got \(5, 2\)"),
         (np.zeros((3, 5, 3)), r"shape \(n, 3\) or wider, got \(3, 5, 3\)"),

@@ -85,6 +85,7 @@ def test_invalid_voxel_sizes_are_rejected_by_name(voxel_size):
         voxel_labels(np.zeros((1, 3)), voxel_size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("voxel_size", "min_points"), [(0.15, 1), (0.7, 4), (6.0, 1)])
 def test_moments_match_the_definition(voxel_size, min_points):
     # Some points are in runs of one voxel, and many voxels make the hash table grow.

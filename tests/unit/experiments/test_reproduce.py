@@ -15,6 +15,8 @@ from scanlock.io import read_kitti_poses, read_scan, read_tum_poses
 from scanlock.pipelines import study as study_module
 from scanlock.registration.settings.file import read_settings
 
+pytestmark = pytest.mark.slow
+
 NAMES = (P2D, D2D, G_ICP)
 
 

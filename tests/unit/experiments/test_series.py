@@ -50,6 +50,7 @@ def test_a_series_needs_two_scans_and_lists_of_equal_length(series, changes):
         replace(series, **changes)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="simulating takes minutes then")
 def test_simulated_scans_equal_those_of_the_command(tmp_path):
     from scanlock.cli import main

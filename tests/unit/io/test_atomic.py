@@ -131,6 +131,7 @@ def _write_repeatedly(path, value, start):
         write_labels(path, np.full(_LABELS, value))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     "fork" not in multiprocessing.get_all_start_methods(), reason="this system cannot fork"
 )

@@ -39,6 +39,7 @@ def test_copies_of_a_kernel_in_two_folders_share_the_cache(monkeypatch, tmp_path
     assert stats[0].cache_path == stats[1].cache_path
 
 
+@pytest.mark.slow
 def test_a_kernel_works_without_a_writable_cache():
     # This locator caches archives only, so Numba finds no folder for its cache.
     code = (
@@ -74,6 +75,7 @@ print(scanlock.__file__, result.ok, cached, len(kernels) > 50)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 def test_kernels_work_with_a_read_only_installation_and_home(tmp_path):
     # Root can write everywhere, so files are in the places of the cache folders.

@@ -57,7 +57,7 @@ def test_the_registration_after_a_failed_one_starts_from_the_identity():
 def test_unknown_guesses_and_invalid_scans_are_refused():
     with pytest.raises(InvalidInput, match="guess must be 'identity' or 'velocity', got 'imu'"):
         next(odometry(_scans(), guess="imu"))
-    with pytest.raises(InvalidInput, match="scan 1 holds no finite point"):
+    with pytest.raises(InvalidInput, match="scan 1 has no finite point"):
         list(odometry([street(1), np.full((5, 3), np.nan)]))
 
 

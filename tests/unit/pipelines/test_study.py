@@ -108,7 +108,7 @@ def test_an_invalid_scan_fails_only_its_own_pairs(scans):
     good, bad = _study(scans, load=load).records()
     assert good.ok
     assert (bad.status, bad.pose, bad.start) == (FAILED, None, None)
-    assert "scan c holds no finite point" in bad.reason
+    assert "scan c has no finite point" in bad.reason
 
 
 def test_scans_without_correspondences_are_a_status_not_a_failure(scans):

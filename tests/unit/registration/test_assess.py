@@ -6,6 +6,8 @@ import pytest
 from scanlock import InvalidInput, Pose, Status, assess, prepare, register
 from scanlock.simulation import scan_pair
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def pair():

@@ -12,6 +12,8 @@ from scanlock.registration.registry import METHODS
 from scanlock.registration.warm_up import warm_up
 from scanlock.segmentation.segmentation import segment
 
+pytestmark = pytest.mark.slow
+
 _KERNELS = (
     bev_grid.occupied_height_bins,
     cliques.greedy_cliques,

@@ -32,6 +32,7 @@ def test_missing_values_are_counted_and_not_drawn():
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("largest", "scale"), [(0.5, "linear"), (50.0, "log")])
 def test_values_over_a_decade_get_a_logarithmic_scale(largest, scale):
     values = np.linspace(0.1, largest, 20)

@@ -30,6 +30,7 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch):
         blank_figure(4.0, 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "start"), [("a.png", b"\x89PNG"), ("a.PDF", b"%PDF"), ("a.svg", b"<?xml")]
 )

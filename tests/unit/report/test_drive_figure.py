@@ -48,6 +48,7 @@ def test_untrusted_motions_and_the_title_are_drawn_in_red():
     assert all(to_hex(line.get_color()) != ALARM for line in plain.lines)
 
 
+@pytest.mark.slow
 def test_one_scan_gives_a_figure_and_none_is_rejected(tmp_path):
     drive_figure(GROUND[:1], PATH[:1]).savefig(tmp_path / "one.png")
     with pytest.raises(InvalidInput, match="got 0 points and a path of 11 positions"):

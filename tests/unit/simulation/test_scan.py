@@ -106,6 +106,7 @@ def test_a_zero_twist_equals_a_sensor_at_rest():
     np.testing.assert_allclose(still.in_world(), _POSE.apply(still.points), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_every_firing_of_a_moving_sensor_has_its_own_pose():
     world, sensor = _world(), _sensor()
     scan = _scan(world, sensor, twist=_TWIST)

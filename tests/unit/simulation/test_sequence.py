@@ -7,6 +7,8 @@ import pytest
 from scanlock.errors import InvalidInput
 from scanlock.simulation import SimulatedSequence, forest_walk, hdl_32e, os1_64, scan_pair
 
+pytestmark = pytest.mark.slow
+
 _SEED = 3
 
 

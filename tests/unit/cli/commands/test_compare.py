@@ -29,6 +29,7 @@ def _table(path):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_two_files_are_compared_with_their_true_pose(scanlock, folder, tmp_path):
     files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
     done = scanlock("compare", *files, "--truth", folder / "truth.txt", *_FAST, "-o", tmp_path)
@@ -45,6 +46,7 @@ def test_two_files_are_compared_with_their_true_pose(scanlock, folder, tmp_path)
     assert "scan0.npy scan1.npy" in (tmp_path / "index.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_first_pairs_of_a_folder_are_compared_with_its_poses(scanlock, folder, tmp_path):
     done = scanlock(
         "compare", folder / "drive", "--poses", folder / "poses.txt", "--pairs", "2",
@@ -68,6 +70,7 @@ def test_the_step_between_the_scans_of_a_pair_can_be_set(scanlock, folder, tmp_p
     assert row["translation error [m]"] == ""
 
 
+@pytest.mark.slow
 def test_a_consensus_replaces_missing_poses(scanlock, folder, tmp_path):
     files = [folder / "drive" / f"scan{number}.npy" for number in range(2)]
     done = scanlock("compare", *files, "--agree", *_FAST, "-o", tmp_path)
@@ -76,6 +79,7 @@ def test_a_consensus_replaces_missing_poses(scanlock, folder, tmp_path):
     assert "are a consensus of the methods" in (tmp_path / "index.md").read_text()
 
 
+@pytest.mark.slow
 def test_results_are_reproducible_and_read_from_disk_if_present(scanlock, folder, tmp_path):
     arguments = [
         "compare",

@@ -8,9 +8,12 @@ import pytest
 from scanlock.io import read_pose, read_scan
 from scanlock.simulation import hdl_64e, scan_pair
 
-pytestmark = pytest.mark.skipif(
-    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+    ),
+]
 
 
 @pytest.fixture(scope="module")

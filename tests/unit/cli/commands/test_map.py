@@ -20,6 +20,7 @@ def drive(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_folder_gives_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_path):
     done = scanlock("map", drive, "-o", tmp_path / "out")
     assert (done.code, done.err) == (0, "")
@@ -52,6 +53,7 @@ def test_a_folder_gives_a_trajectory_a_map_and_a_table(scanlock, drive, tmp_path
     assert "contains a map already" in again.err
 
 
+@pytest.mark.slow
 def test_results_are_bitwise_reproducible(scanlock, drive, tmp_path):
     for name in ("a", "b"):
         assert scanlock("map", drive, "-o", tmp_path / name, "--every", "2").code == 0
@@ -69,6 +71,7 @@ def broken_chain(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_an_untrusted_pair_is_named_and_kept(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--guess", "identity")
     assert (done.code, done.err) == (2, "")
@@ -79,6 +82,7 @@ def test_an_untrusted_pair_is_named_and_kept(scanlock, broken_chain, tmp_path):
     assert statuses.count(",ok,") == 2
 
 
+@pytest.mark.slow
 def test_a_drive_can_be_stopped_at_the_first_untrusted_pair(scanlock, broken_chain, tmp_path):
     done = scanlock("map", broken_chain, "-o", tmp_path / "out", "--unverified", "stop")
     assert done.code == 2

@@ -234,6 +234,7 @@ def test_motion_in_map_coordinates_is_that_of_the_centroid(scanlock, scans, tmp_
     assert np.abs(moved - transformed).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_picture_is_drawn(scanlock, pair, tmp_path):
     path = tmp_path / "new" / "pair.png"
     done = scanlock("register", *pair, "--picture", path)
@@ -241,6 +242,7 @@ def test_a_picture_is_drawn(scanlock, pair, tmp_path):
     assert done.out.endswith(f"wrote {path}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("option", "name", "parts"),
     [

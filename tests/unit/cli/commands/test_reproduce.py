@@ -36,6 +36,7 @@ def test_names_equal_those_of_the_experiments():
     assert get_args(command.ExperimentName) == tuple(module.EXPERIMENTS)
 
 
+@pytest.mark.slow
 def test_the_page_is_written_and_the_results_are_printed(scanlock, toys, tmp_path):
     done = scanlock("reproduce", "forest", "-o", tmp_path, "--scans", "4", "--seed", "7")
     assert (done.code, done.err) == (0, "")
@@ -49,6 +50,7 @@ def test_the_page_is_written_and_the_results_are_printed(scanlock, toys, tmp_pat
     assert re.search(r"undecided +The maps of both", done.out)
 
 
+@pytest.mark.slow
 def test_a_second_run_reads_records_without_run_times(scanlock, toys, tmp_path):
     scanlock("reproduce", "urban", "-o", tmp_path)
     page = (tmp_path / "index.md").read_bytes()
@@ -58,6 +60,7 @@ def test_a_second_run_reads_records_without_run_times(scanlock, toys, tmp_path):
     assert (tmp_path / "index.md").read_bytes() == page
 
 
+@pytest.mark.slow
 def test_the_folder_is_named_after_the_experiment(scanlock, toys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert scanlock("reproduce", "forest").code == 0
@@ -65,6 +68,7 @@ def test_the_folder_is_named_after_the_experiment(scanlock, toys, tmp_path, monk
     assert toys == [(module.EXPERIMENTS["forest"].scans, 1)]
 
 
+@pytest.mark.slow
 def test_recorded_scans_have_the_interval_of_the_paper(scanlock, toys, tmp_path):
     series = toy_series()
     data = tmp_path / "data"

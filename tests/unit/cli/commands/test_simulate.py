@@ -7,9 +7,12 @@ import pytest
 from scanlock.io import read_kitti_poses, read_labels, read_scan, read_tum_poses
 from scanlock.simulation import SurfaceClass
 
-pytestmark = pytest.mark.skipif(
-    numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        numba.config.DISABLE_JIT, reason="simulating without a compiler takes minutes"
+    ),
+]
 
 
 @pytest.fixture(scope="module")

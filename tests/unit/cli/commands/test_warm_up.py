@@ -46,6 +46,7 @@ print(cold)
 """
 
 
+@pytest.mark.slow
 @_needs_compiler
 def test_every_kernel_is_compiled_with_one_signature():
     done = subprocess.run(
@@ -58,6 +59,7 @@ def test_every_kernel_is_compiled_with_one_signature():
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
+@pytest.mark.slow
 @_needs_compiler
 def test_a_second_run_compiles_nothing(scanlock):
     scanlock("warmup")

@@ -28,6 +28,8 @@ from scanlock.pipelines.study import StudyPair, StudyTask
 from scanlock.registration.methods.icp import Icp
 from scanlock.simulation import FacetLadar
 
+pytestmark = pytest.mark.slow
+
 PAPER, OTHER = "ICP 2003", "annealed ICP"
 
 

@@ -131,6 +131,7 @@ def test_written_arrays_stay_writable(tmp_path):
     assert np.array_equal(points[1:], _POINTS[1:])
 
 
+@pytest.mark.slow
 def test_importing_the_readers_is_light():
     heavy = ["scipy", "numba", "laspy"]
     code = f"import sys, scanlock.io; print([m for m in {heavy} if m in sys.modules])"

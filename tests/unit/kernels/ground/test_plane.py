@@ -44,6 +44,7 @@ def test_plane_scores_and_moments_match_the_definition():
     assert missed[4] == -np.inf
 
 
+@pytest.mark.slow
 @given(
     arrays(np.float64, (6, 3), elements=st.floats(-3, 3)),
     st.sampled_from([1.0, 1e-9, 1e9]),

@@ -60,6 +60,7 @@ def _cast_one(surfaces, origin, direction, max_distance=900.0):
     return hits.distances[0], hits.cosines[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", _KINDS)
 @given(data=st.data())
 def test_the_distance_to_a_surface_matches_the_definition(kind, data):
@@ -119,6 +120,7 @@ def _rays(rng, count):
     return rng.uniform(-12, 12, (count, 3)), directions
 
 
+@pytest.mark.slow
 def test_the_tree_finds_the_nearest_of_all_surfaces():
     rng = np.random.default_rng(5)
     world = World.of(_many(rng, 60))

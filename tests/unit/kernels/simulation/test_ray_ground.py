@@ -31,6 +31,7 @@ def _rays(rng, field, count):
     return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relief", [0.0, 0.1, 1.0])
 def test_distances_match_the_definition(relief):
     field = _field(3, relief=relief)

@@ -93,6 +93,7 @@ def test_the_convex_hessian_is_the_gauss_newton_hessian(association):
     assert np.linalg.eigvalsh(exact.hessian)[0] < -1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("association", "jump"),
     [("own-cell", 0.1), ("seven-cells", 0.01), ("near-cells", 0.01), ("trilinear", 0.0)],

@@ -171,6 +171,7 @@ def test_round_pairs_up_to_the_end_of_the_window_are_in_range():
     assert within <= _all(NeighbourLists(NeighbourSearch(target, source, 25.0), pose))
 
 
+@pytest.mark.slow
 def test_lists_are_valid_until_a_source_may_have_moved_too_far():
     rng = np.random.default_rng(6)
     target, source = (gaussians(rng, 300, half_width=20.0, max_deviation=0.8) for _ in range(2))

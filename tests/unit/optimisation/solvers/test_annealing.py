@@ -40,6 +40,7 @@ def test_minima_keep_the_minimum_separation():
             assert pose.scaled_distance(other, 20.0) >= 2.0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_bitwise_equal_minima_and_another_seed_does_not():
     once, again = (Annealing(seed=4).search(_two_wells, Pose.identity()) for _ in range(2))
     assert [(one.pose, one.energy) for one in once] == [(one.pose, one.energy) for one in again]

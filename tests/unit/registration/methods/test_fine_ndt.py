@@ -18,6 +18,7 @@ def _prepared(points, fine=_FINE):
     return fine.prepare(PointCloud.from_array(points))
 
 
+@pytest.mark.slow
 def test_simulated_scans_are_registered_to_millimetres():
     pair = scan_pair("street", "hdl_64e", 3, baseline=(1.0, 1.5))
     truth = pair.target_from_source

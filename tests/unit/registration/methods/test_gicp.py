@@ -87,6 +87,7 @@ def test_every_rejection_and_weight_recovers_a_known_pose(search, settings):
     assert solution.pose.is_close(motion, translation=0.03, rotation=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize("pair", PAIRS)
 @_with_each_search

@@ -28,6 +28,7 @@ def _pair(layout, motion=_FAR):
     return motion.inverse().apply(street(2, layout=layout)), street(1, layout=layout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [_FOURTH, _FAR], ids=["paper", "farther"])
 @pytest.mark.parametrize("layout", [0, 1, 2])
 def test_annealing_recovers_large_motions(layout, motion):
@@ -51,6 +52,7 @@ def test_the_result_of_a_good_start_is_kept():
     assert found == register(source=street(2), target=street(1), method=_PLAIN).target_from_source
 
 
+@pytest.mark.slow
 def test_the_smallest_distance_is_returned_without_a_minimum_improvement():
     greedy = Icp(annealing=AnnealedStart(min_improvement=0.0))
     samples = (street(1, layout=2), street(2, layout=2))
@@ -64,6 +66,7 @@ def test_the_smallest_distance_is_returned_without_a_minimum_improvement():
     assert _ANNEALED.align(*scans, Pose.identity()).pose == ends[0]
 
 
+@pytest.mark.slow
 def test_the_result_depends_on_the_seed_only():
     source, target = _pair(3)
     once, again = (register(source=source, target=target, method=_ANNEALED) for _ in range(2))

@@ -101,6 +101,7 @@ def _scan_features(points, is_level):
     return _MATCHER.describe(clusters, level)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["street", "forest"])
 @pytest.mark.parametrize("is_level", [True, False])
 def test_simulated_scans_fifteen_metres_apart_are_found(scene, is_level):

@@ -108,6 +108,7 @@ def test_the_sandwich_method_is_the_jackknife_over_blocks():
     assert 40.0 < blocks < 150.0
 
 
+@pytest.mark.slow
 def test_the_sandwich_method_is_calibrated_on_a_linear_problem():
     nees = []
     for seed in range(120):
@@ -293,6 +294,7 @@ def test_an_unknown_method_is_refused(scans):
         register_pair(scans, covariance="guess")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", METHODS)
 def test_every_method_has_a_factor_and_a_covariance(name):
     assert 0.5 < METHODS[name].covariance_factor < 10.0

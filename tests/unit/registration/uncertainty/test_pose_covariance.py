@@ -52,6 +52,7 @@ def test_the_covariance_of_any_point_follows_from_that_of_the_reference_point(re
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference_point", [_ORIGIN, _POINT])
 def test_the_covariance_in_the_source_frame_is_that_of_motions_before_the_pose(reference_point):
     covariance = _covariance(reference_point)

@@ -161,6 +161,7 @@ def test_settings_out_of_range_are_refused(name, value):
         RangeImager(**{name: value})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["street", "forest"])
 def test_wrong_poses_violate_free_space_more_than_the_correct_one(scene):
     pair = scan_pair(scene, "hdl_32e", 3, baseline=(5.0, 8.0))

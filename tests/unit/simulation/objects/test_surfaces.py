@@ -63,6 +63,7 @@ def test_bounds_enclose_a_surface_tightly(kind, seed):
     assert (high - points.max(axis=0) < 0.12 * (high - low) + 1e-3).all()
 
 
+@pytest.mark.slow
 @given(a=_vectors, b=_vectors, c=_vectors)
 def test_a_triangle_has_its_given_corners(a, b, c):
     if np.linalg.norm(np.cross(b - a, c - a)) < 1e-3:

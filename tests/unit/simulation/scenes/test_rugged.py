@@ -16,6 +16,8 @@ from scanlock.simulation import (
     simulate_scan,
 )
 
+pytestmark = pytest.mark.slow
+
 _SEED = 2
 _SOFT = [SurfaceClass.FOLIAGE, SurfaceClass.GRASS]
 

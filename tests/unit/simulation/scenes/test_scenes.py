@@ -21,6 +21,8 @@ from scanlock.simulation import (
     street_drive,
 )
 
+pytestmark = pytest.mark.slow
+
 _SEED = 3
 _KITTI_EDGES = [0, 5, 10, 15, 20, 30, 40, 60, 80, 120]
 
