@@ -71,6 +71,7 @@ def test_a_pose_with_status_ok_is_correct(method, name):
         assert not found.ok or (metres < 0.3 and radians < math.radians(1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _UNCONSTRAINED)
 def test_unconstrained_directions_are_degenerate_and_named(name):
     target, source, truth = _scans(name)

@@ -54,6 +54,7 @@ def test_read_only_inputs_are_accepted(method):
     assert found.target_from_source == result(method).target_from_source
 
 
+@pytest.mark.slow
 def test_results_can_be_pickled(method):
     found = result(method)
     again = pickle.loads(pickle.dumps(found))
@@ -101,6 +102,7 @@ def test_single_precision_changes_the_pose_by_its_rounding_only(method):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scan", "message"),
     [

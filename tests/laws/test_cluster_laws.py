@@ -10,6 +10,8 @@ from reference.grouping import partition
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.segmentation.clusters import ClusterFinder, GaussianFit, L2Distance, MeanDistance
 
+pytestmark = pytest.mark.slow
+
 _SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -22,7 +24,6 @@ def _points(seed, count):
     return centres[chosen] + sizes[chosen, None] * rng.normal(size=(count, 3))
 
 
-@pytest.mark.slow
 @given(
     seed=_SEEDS,
     count=st.integers(0, 80),
@@ -53,7 +54,6 @@ def test_greedy_growth_gives_the_same_clusters(seed, count, sectors, threshold, 
     assert clusters == len(expected)
 
 
-@pytest.mark.slow
 @given(seed=_SEEDS, count=st.integers(1, 200), radius=st.floats(0.05, 4.0))
 def test_split_clusters_are_small_nested_and_independent_of_order(seed, count, radius):
     points = _points(seed, count)

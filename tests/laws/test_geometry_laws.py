@@ -9,6 +9,8 @@ from hypothesis.extra.numpy import arrays
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, log_rotation, rotation_angle
 
+pytestmark = pytest.mark.slow
+
 _directions = arrays(np.float64, 3, elements=st.floats(-1, 1)).filter(
     lambda v: np.linalg.norm(v) > 1e-3
 )
@@ -34,7 +36,6 @@ def _assert_close(a, b):
     np.testing.assert_allclose(a.matrix, b.matrix, rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow
 @given(_poses(), _poses(), _poses())
 def test_composition_is_associative(a, b, c):
     _assert_close((a @ b) @ c, a @ (b @ c))

@@ -1,6 +1,7 @@
 """Invariances of ground segmentation."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -8,6 +9,8 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.segmentation.ground.finder import GroundFinder, GroundStatus, PublishedGroundFinder
 from scanlock.segmentation.ground.model import BLUNT_THRESHOLD
+
+pytestmark = pytest.mark.slow
 
 _FINDER = GroundFinder()
 

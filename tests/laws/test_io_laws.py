@@ -25,6 +25,8 @@ from scanlock.io import (
     write_tum_poses,
 )
 
+pytestmark = pytest.mark.slow
+
 _VARIANTS = [
     ("a.pcd", "ascii"),
     ("a.pcd", "binary"),
@@ -67,7 +69,6 @@ def _scans(draw):
     return points, fields
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(scan=_scans())
 @settings(max_examples=25)
@@ -94,7 +95,6 @@ def _example(path, encoding):
     return points, path.read_bytes()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _COUNTED)
 def test_truncated_files_are_never_read_as_smaller_scans(folder, name, encoding):
     path = folder / name
@@ -111,7 +111,6 @@ def test_truncated_files_are_never_read_as_smaller_scans(folder, name, encoding)
         assert "no line end" in scan.notes[0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a.csv", "a.xyz"])
 def test_truncated_tables_without_a_count_lose_whole_lines_only(folder, name):
     path = folder / name
@@ -125,7 +124,6 @@ def test_truncated_tables_without_a_count_lose_whole_lines_only(folder, name):
         assert len(scan) == data[:end].count(b"\n") - 1 + bool(scan.notes)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(data=st.data())
 def test_damaged_files_are_read_or_raise_a_format_error(folder, name, encoding, data):
@@ -160,7 +158,6 @@ _STEPS = hnp.arrays(np.float64, 6, elements=st.floats(-3, 3)).map(
 )
 
 
-@pytest.mark.slow
 @given(poses=st.lists(_STEPS, min_size=1, max_size=4), start=st.floats(0, 2e9))
 def test_poses_round_trip(folder, poses, start):
     path = folder / "poses.txt"

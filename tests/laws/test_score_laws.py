@@ -18,6 +18,8 @@ from scanlock.optimisation.objectives.gaussian_scores import (
     ScoreShape,
 )
 
+pytestmark = pytest.mark.slow
+
 
 class _Pair:
     """A few Gaussians in each scan whose pairs all score at a pose.
@@ -117,13 +119,11 @@ def _assert_derivatives(objective, value, pair):
     )
 
 
-@pytest.mark.slow
 @given(_pairs)
 def test_d2d_and_its_derivatives_follow_from_the_definition(pair):
     _assert_derivatives(pair.d2d, pair.d2d_value, pair)
 
 
-@pytest.mark.slow
 @given(_pairs)
 def test_p2d_and_its_derivatives_follow_from_the_definition(pair):
     _assert_derivatives(pair.p2d, pair.p2d_value, pair)

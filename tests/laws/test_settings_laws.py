@@ -13,6 +13,8 @@ from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.file import settings_from_toml, settings_to_toml
 from scanlock.registration.settings.types import allowed, annotations_of
 
+pytestmark = pytest.mark.slow
+
 
 def _values(annotation):
     """Values of the types that an annotation allows, in range or not."""
@@ -63,7 +65,6 @@ def _settings(draw, kind, base=None):
     return settings
 
 
-@pytest.mark.slow
 @given(
     st.sampled_from(sorted(METHODS)).flatmap(
         lambda name: _settings(type(METHODS[name]), METHODS[name])

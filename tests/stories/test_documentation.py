@@ -86,6 +86,7 @@ def _calls_of(work):
     return calls
 
 
+@pytest.mark.slow
 def test_the_calls_of_a_registration_are_those_of_the_architecture_page():
     text = (_ROOT / "docs" / "architecture.md").read_text("utf-8")
     tree = re.search(r"## The way of a scan.*?```text\n(.*?)```", text, re.DOTALL)[1]

@@ -246,6 +246,7 @@ def test_a_public_function_documents_its_parameters_and_its_result(name):
         assert _section(docstring, "Returns") or _section(docstring, "Yields")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _DATACLASSES)
 def test_a_public_dataclass_documents_its_fields(name):
     cls = _OBJECTS[name]

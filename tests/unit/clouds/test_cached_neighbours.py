@@ -21,6 +21,7 @@ def _assert_nearest(cached, queries, max_distance):
     np.testing.assert_allclose(measured, expected[found], rtol=1e-13, atol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_distance", [np.inf, 2.0, 0.4])
 @pytest.mark.parametrize("shrinking", [0.5, 0.9, 1.0])
 def test_the_result_is_exact_at_every_step(shrinking, max_distance):

@@ -292,6 +292,7 @@ def test_an_object_without_valid_points_is_rejected_by_name(given, message):
         PointCloud.from_array(given, name="scan")
 
 
+@pytest.mark.slow
 def test_memory_settings_change_with_the_first_cloud_and_not_on_import():
     code = """
 from scanlock.clouds import memory

@@ -25,6 +25,7 @@ def _on_x_axis(ranges):
     return PointCloud.from_array(points).points
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grid", _GRIDS)
 def test_cells_of_random_points_match_the_definition(grid):
     rng = np.random.default_rng(11)

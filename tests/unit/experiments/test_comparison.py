@@ -39,6 +39,7 @@ def compared(series, tmp_path_factory):
     return compare(_comparison(series), path)
 
 
+@pytest.mark.slow
 def test_starts_around_the_truth_follow_those_from_the_identity(compared):
     assert [record.task.start for record in compared.direct["d2d"]] == ["identity"] * 2
     assert [record.task.start for record in compared.around["d2d"]] == [*PLAN.names] * 2
@@ -63,6 +64,7 @@ def test_the_basin_counts_every_start_once(compared):
     assert rows[-1] == ["d2d", 1.0, degrees, 4, 0, 4, 4]
 
 
+@pytest.mark.slow
 def test_a_second_run_reads_all_records_from_disk(series, tmp_path):
     path = tmp_path / "records.jsonl"
 
@@ -87,6 +89,7 @@ def test_pairs_without_a_truth_are_not_evaluated(series, tmp_path):
     assert section.figures == {}
 
 
+@pytest.mark.slow
 def test_a_consensus_replaces_an_unknown_truth_on_request(series, tmp_path):
     blind = [replace(pair, truth=None) for pair in series.pairs()[:1]]
     plan = AroundTruth(distances=(0.5,), angles=(0.1,))

@@ -46,6 +46,7 @@ def test_reordered_sums_are_bitwise_reproducible():
     assert len({_finite_sum(values)[0] for _ in range(20)}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 @pytest.mark.parametrize(
     ("locators", "end"), [("", "keeping them on disk"), ("ZipCacheLocator", "to one that is")]

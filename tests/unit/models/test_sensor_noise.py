@@ -33,6 +33,7 @@ def test_the_jacobian_matches_finite_differences():
         np.testing.assert_allclose(jacobian, np.column_stack(columns), atol=1e-7)
 
 
+@pytest.mark.slow
 def test_the_covariance_matches_that_of_many_noisy_returns():
     noise = SensorNoise(range_deviation=0.03, azimuth_deviation=2e-3, elevation_deviation=1e-3)
     rng = np.random.default_rng(1)

@@ -92,6 +92,7 @@ def test_a_resumed_run_writes_the_same_bytes(study, tmp_path, counted):
     assert broken.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [1, 5, 40, -1])
 @pytest.mark.parametrize("padding", [b"", b"\0\0\0"])
 def test_the_task_of_an_incomplete_line_is_registered_again(study, tmp_path, kept, padding):

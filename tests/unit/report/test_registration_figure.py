@@ -84,6 +84,7 @@ def test_the_title_has_the_status_and_the_error(scans, result, truth, parts, col
     assert title.get_color() == colour
 
 
+@pytest.mark.slow
 def test_a_failed_registration_gives_a_figure(tmp_path):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
     result = _result(Pose.identity(), Status.NO_CORRESPONDENCES, math.nan)

@@ -59,6 +59,7 @@ def test_the_title_has_the_counts(found):
     assert title.get_color() == INK
 
 
+@pytest.mark.slow
 def test_a_scan_without_ground_gives_a_figure_with_a_red_title(tmp_path):
     ball = np.random.default_rng(0).normal(size=(2000, 3)) * 5.0
     figure = segmentation_figure(segment(ball))

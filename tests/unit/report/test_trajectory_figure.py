@@ -47,6 +47,7 @@ def test_the_title_is_optional():
     assert trajectory_figure(TRUTH, TRUTH)._suptitle is None
 
 
+@pytest.mark.slow
 def test_one_pose_gives_a_figure_and_none_is_rejected(tmp_path):
     figure = trajectory_figure(TRUTH[:1], ESTIMATE[:1])
     figure.savefig(tmp_path / "one.png")

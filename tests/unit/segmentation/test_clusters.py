@@ -53,6 +53,7 @@ def _merges(test, first, second):
     return bool(merged[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("test", "combine"), _TESTS, ids=lambda v: type(v).__name__)
 @pytest.mark.parametrize("seed", range(3))
 def test_clusters_are_those_of_greedy_growth_from_any_bin(test, combine, seed):

@@ -66,6 +66,7 @@ def test_a_folder_of_scans_with_poses_is_accepted_as_truth(scanlock, tracks):
     assert (by_folder.code, by_folder.out) == (0, by_file.out)
 
 
+@pytest.mark.slow
 def test_a_picture_of_both_trajectories_is_drawn(scanlock, tracks):
     both = tracks / "drift.txt", tracks / "truth.txt"
     path = tracks / "new" / "both.png"

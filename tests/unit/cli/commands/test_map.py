@@ -97,6 +97,7 @@ def test_a_drive_can_be_stopped_at_the_first_untrusted_pair(scanlock, broken_cha
     assert len(rows) == 2
 
 
+@pytest.mark.slow
 def test_a_damaged_scan_leaves_the_map_of_the_previous_ones(scanlock, drive, tmp_path):
     folder = tmp_path / "cut"
     folder.mkdir()
@@ -111,6 +112,7 @@ def test_a_damaged_scan_leaves_the_map_of_the_previous_ones(scanlock, drive, tmp
     assert len(read_scan(tmp_path / "out" / "map.ply")) > 5000
 
 
+@pytest.mark.slow
 def test_an_interrupt_is_delayed_until_a_scan_is_added(scanlock, monkeypatch, drive, tmp_path):
     from scanlock.evaluation.voxel_map import VoxelMap
 
@@ -159,6 +161,7 @@ def test_invalid_numbers_are_an_error_of_one_line(scanlock, drive, tmp_path, opt
     assert done.err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_drive_accepts_locked_directions_and_a_settings_file(scanlock, drive, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(scanlock("settings", "sgc-ndt-p2d").out)

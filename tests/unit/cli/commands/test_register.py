@@ -153,6 +153,7 @@ def test_fix_degenerate_keeps_the_initial_pose_along_a_corridor(scanlock, tmp_pa
     assert "give prior or initial" in refused.err
 
 
+@pytest.mark.slow
 def test_a_failed_registration_prints_its_result_and_exits_with_2(scanlock, scans, tmp_path):
     path = tmp_path / "pose.json"
     done = scanlock("register", scans / "elsewhere.npy", scans / "target.npy", "-o", path)
@@ -292,6 +293,7 @@ def test_an_invalid_initial_pose_names_its_file(scanlock, pair, tmp_path):
     assert str(path) in done.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".txt", ".npy", ".json"])
 def test_an_initial_pose_with_few_digits_is_corrected_and_noted(
     scanlock, scans, pair, tmp_path, ending

@@ -16,6 +16,7 @@ def _sums(points, queries, radius, edge=1.0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [0.3, 1.0, 7.0])
 @pytest.mark.parametrize("radius", [0.2, 0.5, 3.0])
 @pytest.mark.parametrize("count", [1, 255, 256, 700])

@@ -79,6 +79,7 @@ def test_the_distance_to_a_surface_matches_the_definition(kind, data):
         assert distance == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", _KINDS)
 @given(data=st.data())
 def test_the_cosine_of_incidence_matches_the_gradient_of_the_definition(kind, data):

@@ -30,6 +30,7 @@ def _mask(target, source, max_distance):
     return _masks_and_score(target, source, max_distance)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("max_distance", [1.0, 9.0, 25.0])
 @pytest.mark.parametrize("seed", range(5))
 def test_overlap_masks_match_the_definition(seed, max_distance):

@@ -41,6 +41,7 @@ def _away_from_faces(pose, points, voxels, margin):
     return read_only(points[inside])
 
 
+@pytest.mark.slow
 @_each_association
 @pytest.mark.parametrize("seed", range(3))
 def test_values_match_the_definition(association, seed):
@@ -76,6 +77,7 @@ def test_derivatives_agree_with_differences_inside_a_cell(association, seed):
     np.testing.assert_allclose(found.hessian, hessian, rtol=1e-5, atol=1e-6 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("association", ["own-cell", "seven-cells", "trilinear"])
 def test_the_convex_hessian_is_the_gauss_newton_hessian(association):
     voxels, points = _voxels(7), _points(7)

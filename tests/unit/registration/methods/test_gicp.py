@@ -78,6 +78,7 @@ def test_a_known_pose_is_recovered(search, motion):
     assert solution.pose.is_close(motion, translation=0.03, rotation=2e-3)
 
 
+@pytest.mark.slow
 @_with_each_search
 @_with_each_rejection_or_weight
 def test_every_rejection_and_weight_recovers_a_known_pose(search, settings):
@@ -109,6 +110,7 @@ def _with_moved_objects(points):
     return points + is_moved[:, None] * [0.5, 0.3, 0.0]
 
 
+@pytest.mark.slow
 @_with_each_search
 def test_robust_weights_reduce_the_bias_of_moved_objects(search):
     motion = yaw_pose(0.02, (0.3, -0.2, 0.05))
@@ -161,6 +163,7 @@ def test_the_pose_does_not_depend_on_the_solver(solver):
     assert poses[0].is_close(poses[1], translation=2e-3, rotation=1e-4)
 
 
+@pytest.mark.slow
 def test_the_pose_does_not_depend_on_the_algorithm_of_the_search():
     motion = yaw_pose(0.02, (0.3, -0.2, 0.05))
     method = Gicp(search=NearestNeighbourSearch(algorithm="delaunay"))

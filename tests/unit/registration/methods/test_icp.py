@@ -91,6 +91,7 @@ def test_the_pose_of_equal_samples_is_recovered_exactly(estimation, noise):
     assert solution.pose.is_close(_MOTION, translation=1e-9, rotation=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["svd", "quaternion", "gauss-newton", "tessellation"])
 def test_search_and_algorithm_do_not_change_the_pose(variant):
     # A fixed threshold: the mean of an adaptive one rounds differently.

@@ -40,6 +40,7 @@ def test_annealing_recovers_large_motions(layout, motion):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", [0, 1, 2])
 def test_plain_icp_converges_to_a_wrong_minimum(layout):
     found = register_pair(_pair(layout), method=_PLAIN)
@@ -47,6 +48,7 @@ def test_plain_icp_converges_to_a_wrong_minimum(layout):
     assert not found.ok
 
 
+@pytest.mark.slow
 def test_the_result_of_a_good_start_is_kept():
     found = register(source=street(2), target=street(1), method=_ANNEALED).target_from_source
     assert found == register(source=street(2), target=street(1), method=_PLAIN).target_from_source

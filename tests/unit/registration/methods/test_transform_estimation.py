@@ -218,6 +218,7 @@ def _best_of(dof, scans, start):
     return pose(minimize(cost, first, method="Nelder-Mead", options=options).x)
 
 
+@pytest.mark.slow
 @_with_each_algorithm
 @pytest.mark.parametrize("dof", ["xyz+yaw", "xy+yaw"])
 def test_locked_directions_are_unchanged_and_the_others_optimal(algorithm, dof):

@@ -348,6 +348,7 @@ def _corridor(seed, count=4000):
     return points + rng.normal(0.0, 0.02, points.shape)
 
 
+@pytest.mark.slow
 def test_the_sampled_covariance_is_large_along_a_corridor():
     scans = [prepare(_corridor(seed), method="gicp") for seed in (3, 4)]
     sandwich, sampled = (

@@ -41,6 +41,7 @@ def _scatter(samples):
     return samples.T @ samples / len(samples)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reference_point", [_ORIGIN, _POINT])
 def test_the_covariance_of_any_point_follows_from_that_of_the_reference_point(reference_point):
     covariance, point = _covariance(reference_point), np.array([12.0, 5.0, -1.0])

@@ -57,6 +57,7 @@ def test_a_ball_of_points_is_not_flat():
     assert planes.flatness[0] < 0.3
 
 
+@pytest.mark.slow
 def test_query_points_are_evenly_distributed_points_of_the_scan():
     near = np.random.default_rng(0).uniform((2.5, 2.5, -0.5), (3.5, 3.5, 0.5), (5000, 3))
     cloud = PointCloud.from_array(np.vstack([near, _plane(), np.zeros((100, 3))]))
@@ -129,6 +130,7 @@ def test_a_plane_is_fitted_within_the_first_radius_with_enough_points():
     np.testing.assert_allclose(both.normal_covariances, expected, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_thickness_predicts_the_residual_of_one_more_point():
     residuals, predicted = [], []
     for seed in range(400):
