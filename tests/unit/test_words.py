@@ -101,11 +101,13 @@ def _retired(words, file, line, text):
 
 
 def _retired_in_files(words, paths):
+    any_word = re.compile(f"(?<![a-zA-Z])(?:{'|'.join(words)})(?![a-zA-Z])", re.IGNORECASE)
     messages = []
     for path in sorted(paths):
         file = path.relative_to(_ROOT).as_posix()
         for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            messages += _retired(words, file, line, text)
+            if any_word.search(text):
+                messages += _retired(words, file, line, text)
     return messages
 
 

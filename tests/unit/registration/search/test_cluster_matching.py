@@ -103,12 +103,12 @@ def _scan_features(points, is_level):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", ["street", "forest"])
-@pytest.mark.parametrize("is_level", [True, False])
-def test_simulated_scans_fifteen_metres_apart_are_found(scene, is_level):
+def test_simulated_scans_fifteen_metres_apart_are_found(scene):
     pair = scan_pair(scene, "os1_64", 3, baseline=(14.0, 16.0), turn=math.pi)
-    features = [_scan_features(scan.points, is_level) for scan in (pair.target, pair.source)]
-    found = _MATCHER.hypotheses(*features)
-    _assert_near(found[0].pose, pair.target_from_source, metres=2.5, degrees=8.0)
+    for is_level in (True, False):
+        features = [_scan_features(scan.points, is_level) for scan in (pair.target, pair.source)]
+        found = _MATCHER.hypotheses(*features)
+        _assert_near(found[0].pose, pair.target_from_source, metres=2.5, degrees=8.0)
 
 
 def test_hypotheses_are_distinct_sorted_and_repeatable():
