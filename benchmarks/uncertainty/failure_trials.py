@@ -42,7 +42,7 @@ from scanlock.registration.verification.decision import (
     MAX_RUNNER_UP_RATIO,
     MAX_SHIFTED_SCORE_RATIO,
 )
-from scanlock.registration.verification.probability import FEATURES, features
+from scanlock.registration.verification.probability import FEATURES, model_inputs
 from scanlock.registration.verification.status import Status
 
 WRONG = (99.0, 180.0)
@@ -65,7 +65,7 @@ def trials_of(case: Case, peers: Sequence[ScoredPeer] = ()) -> Iterator[dict[str
 
     for method in case.methods:
         result = register(source=case.source, target=case.target, method=method, initial=case.start)
-        values = features(result.metrics, result.directions)
+        values = model_inputs(result.metrics, result.directions)
         pose, status = result.target_from_source, result.status.value
         yield trial(method, pose, status, result.probability, values, is_vetoed(result))
     for peer in peers:

@@ -54,7 +54,9 @@ from scanlock.registration.registry import register_method as register_method
 from scanlock.registration.result import RegistrationResult as RegistrationResult
 from scanlock.registration.settings.file import read_settings as read_settings
 from scanlock.registration.settings.file import write_settings as write_settings
-from scanlock.registration.uncertainty.estimators import CovarianceEstimator as CovarianceEstimator
+from scanlock.registration.uncertainty.covariance_estimator import (
+    CovarianceEstimator as CovarianceEstimator,
+)
 from scanlock.registration.uncertainty.pose_covariance import PoseCovariance as PoseCovariance
 from scanlock.registration.verification.candidate import Candidate as Candidate
 from scanlock.registration.verification.metrics import Metrics as Metrics

@@ -1,4 +1,7 @@
-"""Verification of a pose from anywhere: another tool, odometry, or a person."""
+"""Verification of a pose from anywhere: another tool, odometry, or a person.
+
+The assessment itself is `scanlock.registration.verification.assessment.assess_pose`.
+"""
 
 from dataclasses import dataclass, replace
 

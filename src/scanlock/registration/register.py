@@ -20,7 +20,7 @@ from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
-from scanlock.registration.uncertainty.estimators import CovarianceEstimator
+from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
 from scanlock.registration.verification.assessment import Assessment, assess_pose
 from scanlock.registration.verification.decision import decide_status

@@ -1,5 +1,7 @@
 """P2D: sums of the scores of points against Gaussians, with their derivatives.
 
+This is the sum over all Gaussians in range; `cells` has the score of the own or neighbouring cells.
+
 Score and window of a pair are those of `kernels/gaussians/d2d.py`. With ``y`` a point of the
 source in the target's frame, ``q = y - mu``, ``B`` the inverse of the Gaussian's covariance and
 ``b = B q``, the squared distance ``s = q' B q`` has, for the step ``(rho, phi)``::

@@ -15,13 +15,14 @@ NDT over cells
     - `ndt_d2d`: `NdtD2d`, distribution to distribution (Stoyanov et al. 2012).
     - `mskm_ndt`: `MskmNdt`, multi-scale k-means (Das and Waslander 2012).
     - `voxel_scan`: preparation of a scan as voxel Gaussians.
-    - `scales`: selection of the scales that a scan is dense enough for.
+    - `gaussian_scan`: Gaussians of a scan at several scales, and the scales dense enough to use.
 ICP
     - `icp`: `Icp` (Madhavan and Messina 2003).
     - `icp_annealing`: `AnnealedStart`, simulated annealing before ICP.
     - `icp_history`: convergence and cycles of ICP.
     - `correspondences`: closest points and their weights; step 1 of the paper.
-    - `rejection`: distance thresholds (Zhang 1994, Chetverikov et al. 2002).
+    - `distance_rejection`: distance thresholds (Zhang 1994, Chetverikov et al. 2002, Madhavan and
+      Messina 2003).
     - `transform_estimation`: the pose of given correspondences; steps 2 and 3 of the paper.
 Generalised ICP
     `gicp`: `Gicp` (Segal, Haehnel and Thrun 2009); by voxels (Koide et al. 2021).

@@ -17,9 +17,9 @@ from scanlock.clouds.neighbours import NearestNeighbours, Search, nearest_neighb
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
 from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
+from scanlock.registration.methods.distance_rejection import Rejection
+from scanlock.registration.methods.gaussian_scan import require_coarse_to_fine
 from scanlock.registration.methods.protocol import InsufficientData
-from scanlock.registration.methods.rejection import Rejection
-from scanlock.registration.methods.scales import require_coarse_to_fine
 
 Residual = Literal["point-to-point", "point-to-plane"]
 """Residual of a correspondence: its distance, or the component along the normal of the target."""

@@ -21,7 +21,7 @@ from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
-from scanlock.registration.methods.scales import MIN_COVERAGE
+from scanlock.registration.methods.gaussian_scan import MIN_COVERAGE
 from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 from scanlock.threads import parallel_map

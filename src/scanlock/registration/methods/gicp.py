@@ -33,8 +33,8 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
+from scanlock.registration.methods.distance_rejection import Rejection
 from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.rejection import Rejection
 
 _MAX_SQUARED_DISTANCE = 9.0
 """Upper bound of a squared Mahalanobis distance, and its value for points without correspondence,

@@ -29,10 +29,10 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
+from scanlock.registration.methods.distance_rejection import AdaptiveRejection, Rejection
 from scanlock.registration.methods.icp_annealing import AnnealedStart
 from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
 from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.rejection import AdaptiveRejection, Rejection
 from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _EMPTY = Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))

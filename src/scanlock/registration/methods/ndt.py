@@ -16,12 +16,12 @@ from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
-from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.scales import (
+from scanlock.registration.methods.gaussian_scan import (
     GaussianScan,
     dense_scales,
     require_coarse_to_fine,
 )
+from scanlock.registration.methods.protocol import Method, PreparationLog
 from scanlock.registration.methods.voxel_scan import prepare_voxels
 
 PointAssociation = Literal[CellAssociation, "all"]

@@ -7,8 +7,8 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.kernels.points.rows import selected_points
 from scanlock.models.voxel_gaussians import VoxelGrid
+from scanlock.registration.methods.gaussian_scan import GaussianScan, gaussian_scan
 from scanlock.registration.methods.protocol import PreparationLog
-from scanlock.registration.methods.scales import GaussianScan, gaussian_scan
 
 
 def prepare_voxels(

@@ -1,8 +1,8 @@
 """Covariance of an estimated pose.
 
-1. `estimators`: the settings `CovarianceEstimator`, and its steps: the contributions of the blocks
-   of the scene to gradient and Hessian, the covariance by one of three methods, the inflation of
-   roll and pitch, and a minimum.
+1. `covariance_estimator`: the settings `CovarianceEstimator`, and its steps: the contributions of
+   the blocks of the scene to gradient and Hessian, the covariance by one of three methods, the
+   inflation of roll and pitch, and a minimum.
 2. `sandwich`: the covariance of a minimum by a jackknife over the blocks.
 3. `pose_covariance`: the result `PoseCovariance`, with its order, frame and units.
 

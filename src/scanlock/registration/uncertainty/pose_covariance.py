@@ -12,7 +12,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 
 CovarianceMethod = Literal["sandwich", "hessian", "sampled"]
-"""Method of a covariance; see `scanlock.registration.uncertainty.estimators`."""
+"""Method of a covariance; see `scanlock.registration.uncertainty.covariance_estimator`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

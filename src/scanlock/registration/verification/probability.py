@@ -34,7 +34,7 @@ _MIN_MARGIN = 0.05
 """Runner-up margin of a tie; it keeps the logarithm finite."""
 
 
-def features(metrics: Metrics, directions: Sequence[DirectionObservability]) -> Vector:
+def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability]) -> Vector:
     """Return the (6,) features of the model, in the order of `FEATURES`.
 
     Each is clipped to the range of the training data, since a linear model extrapolates without
@@ -65,7 +65,7 @@ def features(metrics: Metrics, directions: Sequence[DirectionObservability]) -> 
 
 def probability(metrics: Metrics, directions: Sequence[DirectionObservability]) -> float:
     """Return the probability that the pose is within 0.3 m and 1 degree of the truth."""
-    logit = INTERCEPT + float(np.dot(WEIGHTS, features(metrics, directions)))
+    logit = INTERCEPT + float(np.dot(WEIGHTS, model_inputs(metrics, directions)))
     return 1.0 / (1.0 + math.exp(-logit))
 
 

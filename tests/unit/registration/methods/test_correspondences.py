@@ -23,9 +23,9 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
+from scanlock.registration.methods.distance_rejection import FixedRejection, TrimmedRejection
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.protocol import InsufficientData
-from scanlock.registration.methods.rejection import FixedRejection, TrimmedRejection
 from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _POSE = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.4, 0.9]))

@@ -19,13 +19,13 @@ from scanlock.registration.methods.correspondences import (
     VoxelSearch,
     typical_spacing,
 )
-from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
-from scanlock.registration.methods.rejection import (
+from scanlock.registration.methods.distance_rejection import (
     AdaptiveRejection,
     FixedRejection,
     TrimmedRejection,
 )
+from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
 from scanlock.registration.register import register
 
 _SEARCHES = {"nearest": NearestNeighbourSearch(), "voxel": VoxelSearch()}

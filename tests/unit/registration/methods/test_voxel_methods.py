@@ -11,11 +11,11 @@ from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.objectives.gaussian_scores import ScoreShape
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.registration.methods.gaussian_scan import dense_scales
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
-from scanlock.registration.methods.scales import dense_scales
 from scanlock.registration.methods.voxel_scan import measured_points
 
 _NEAR = yaw_pose(0.02, (0.3, -0.2, 0.05))

@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 import numpy as np
 import pytest
 
-from scanlock.registration.methods import rejection
+from scanlock.registration.methods import distance_rejection
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.types import allowed, annotations_of, default_of, docstrings_of
 from scanlock.segmentation import clusters
@@ -54,8 +54,8 @@ def test_a_protocol_allows_the_classes_of_its_module_that_implement_it():
         clusters.L2Distance,
         clusters.GaussianFit,
     )
-    assert rejection.AdaptiveRejection in allowed(rejection.Rejection).classes
-    assert rejection.Rejection not in allowed(rejection.Rejection).classes
+    assert distance_rejection.AdaptiveRejection in allowed(distance_rejection.Rejection).classes
+    assert distance_rejection.Rejection not in allowed(distance_rejection.Rejection).classes
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from scanlock.registration.verification.probability import (
     FEATURES,
     INTERCEPT,
     WEIGHTS,
-    features,
+    model_inputs,
     probability,
 )
 
@@ -37,7 +37,7 @@ def _directions(rotation_deviation=0.001, ratio=0.2):
 
 
 def test_the_model_has_a_weight_for_each_feature():
-    assert len(WEIGHTS) == len(FEATURES) == len(features(Metrics(), ()))
+    assert len(WEIGHTS) == len(FEATURES) == len(model_inputs(Metrics(), ()))
 
 
 def test_the_probability_is_the_logistic_function_of_the_features():
@@ -45,7 +45,7 @@ def test_the_probability_is_the_logistic_function_of_the_features():
     expected = [
         0.02, 0.1, math.log(0.02 / 0.05), math.log(0.001), math.log(1.05 - 0.2), 0.0,
     ]  # fmt: skip
-    np.testing.assert_allclose(features(metrics, _directions()), expected)
+    np.testing.assert_allclose(model_inputs(metrics, _directions()), expected)
     logit = INTERCEPT + np.dot(WEIGHTS, expected)
     assert probability(metrics, _directions()) == pytest.approx(1.0 / (1.0 + math.exp(-logit)))
 

@@ -3,6 +3,8 @@
 The adaptive threshold is that of Madhavan and Messina 2003, section 2.1, after Zhang 1994. It
 follows the mean and the standard deviation of the correspondence distances in four cases, which are
 separated by D, the mean distance of well aligned scans.
+
+Rejection by other properties, such as the angle of the normals, is in `correspondences`.
 """
 
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
-from scanlock.registration.uncertainty.estimators import CovarianceEstimator
+from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
 
 _METHOD = NdtD2d(cell_sizes=(4.0, 2.0))
 _MOTION = yaw_pose(0.2, (0.8, -0.3, 0.1))
