@@ -1,5 +1,6 @@
 """Simulated sequences of scans along a drive, and pairs of scans with their exact pose."""
 
+import functools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
@@ -156,12 +157,11 @@ def scan_pair(
     require_count("seed", seed, minimum=0)
     if not 0.0 <= baseline[0] <= baseline[1]:
         raise InvalidInput(f"baseline must be 0 <= minimum <= maximum, got {baseline} m")
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     if isinstance(sensor, str):
         sensor = _named("sensor", sensor, SENSORS)()
     if isinstance(scene, str):
-        scene = _named("scene", scene, SCENES)(streams[0])
-    rng = streams[1]
+        scene = _generated(scene, seed)
+    _, rng, *noise = _streams(seed)
     along = rng.uniform(0.0, scene.track.length)
     beyond = along + rng.uniform(*baseline)
     yaw = rng.uniform(-turn, turn) + (scene.track.heading(along) - scene.track.heading(beyond))[0]
@@ -172,9 +172,20 @@ def scan_pair(
     # Traffic moves with the speed of the carrier, so that no position is inside a moving car.
     target, source = (
         simulate_scan(scene.world, sensor, pose, stream, time=length / scene.carrier.speed)
-        for pose, stream, length in zip(poses, streams[2:], (along, beyond), strict=True)
+        for pose, stream, length in zip(poses, noise, (along, beyond), strict=True)
     )
     return SimulatedPair(target, source, poses[0].inverse() @ poses[1])
+
+
+def _streams(seed: int) -> list[np.random.Generator]:
+    """Return independent generators for the scene, the positions and the noise of two scans."""
+    return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+
+
+@functools.lru_cache(maxsize=2)
+def _generated(name: str, seed: int) -> Scene:
+    """Return the scene of a seed; generating one takes seconds, so the last two are kept."""
+    return _named("scene", name, SCENES)(_streams(seed)[0])
 
 
 def _named(kind: str, name: str, known: dict[str, _Maker]) -> _Maker:
