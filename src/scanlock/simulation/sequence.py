@@ -182,9 +182,9 @@ def _streams(seed: int) -> list[np.random.Generator]:
     return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
 
 
-@functools.lru_cache(maxsize=2)
+@functools.lru_cache(maxsize=3)
 def _generated(name: str, seed: int) -> Scene:
-    """Return the scene of a seed; generating one takes seconds, so the last two are kept."""
+    """Return the scene of a seed; generating one takes seconds, so the last three are kept."""
     return _named("scene", name, SCENES)(_streams(seed)[0])
 
 
