@@ -186,11 +186,11 @@ def quadratic_form(s: Symmetric, v: Triple) -> float:
 
 @inlined
 def exp_negative(x: float) -> float:
-    """Return ``exp(-x)`` for x from 0 to 30 to 1e-13, in arithmetic that loops can vectorise.
+    """Return ``exp(-x)`` for x >= 0 to 1e-13, in arithmetic that loops can vectorise.
 
     The Taylor series of ``exp(-x / 64)``, squared six times; math.exp is a call.
     """
-    y = -0.015625 * min(x, 30.0)
+    y = -0.015625 * min(x, 60.0)
     e = 1.0 + y * (1.0 / 7.0) * (1.0 + y * 0.125 * (1.0 + y * (1.0 / 9.0)))
     e = 1.0 + y * 0.25 * (1.0 + y * 0.2 * (1.0 + y * (1.0 / 6.0) * e))
     e = 1.0 + y * (1.0 + y * 0.5 * (1.0 + y * (1.0 / 3.0) * e))

@@ -6,31 +6,11 @@ import numpy as np
 
 from scanlock.arrays import Labels, Mask, Vector
 from scanlock.kernels._compile import kernel, sum_kernel
-from scanlock.kernels._inline import first_not_below
+from scanlock.kernels._inline import exp_negative, first_not_below
 
 _Process = tuple[float, float, float, float, float]
 """Length scale [m], signal variance [m^2] and noise variance [m^2] of a process, and the limits
 of variance [m^2] and of residual [deviations] below which an observation is accepted."""
-
-
-@sum_kernel
-def exp_negative(x: float) -> float:
-    """Return ``exp(-x)`` for x from 0 to 60 to 1e-12, in arithmetic that loops can vectorise.
-
-    The Taylor series of ``exp(-x / 1024)``, squared ten times; math.exp is a call.
-    """
-    y = min(x, 60.0) * -0.0009765625
-    e = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (1.0 / 120.0)))))
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    return e * e
 
 
 @sum_kernel

@@ -9,30 +9,33 @@ from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
 
-Stage = tuple[Solver, Objective]
-"""An objective and the solver that minimises it."""
 
-
-def minimise_staged(stages: Iterable[Stage], start: Pose) -> Solution:
-    """Return the solution of the last non-empty stage, with the history of all stages.
-
-    The start is returned unchanged if the objectives of all stages are empty.
+def minimise_staged(
+    solver: Solver, objectives: Iterable[Objective], tolerances: Sequence[float], start: Pose
+) -> Solution:
+    """Minimise objectives one after the other, each from the pose of the previous one.
 
     Parameters
     ----------
-    stages : iterable of Stage
+    solver : Solver
+        Solver of the last stage.
+    objectives : iterable of Objective
         At least one, coarse to fine.
+    tolerances : sequence of float [m]
+        Step tolerance of each stage, as for `staged_solvers`.
     start : Pose
         Initial pose of the first stage.
 
     Returns
     -------
     Solution
+        Solution of the last non-empty stage, with the history of all stages. Its pose is the start
+        if all objectives are empty.
     """
     history = list[Iteration]()
     pose, best = start, None
-    for solver, objective in stages:
-        solution = solver.minimise(objective, pose)
+    for stage_solver, objective in zip(staged_solvers(solver, tolerances), objectives, strict=True):
+        solution = stage_solver.minimise(objective, pose)
         history.extend(solution.history)
         if best is None or solution.reason is not StopReason.EMPTY_OBJECTIVE:
             pose, best = solution.pose, solution

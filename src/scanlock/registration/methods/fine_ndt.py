@@ -20,7 +20,7 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
+from scanlock.optimisation.solvers.staged import minimise_staged
 from scanlock.registration.methods.gaussian_scan import MIN_COVERAGE
 from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
@@ -130,8 +130,8 @@ class FineNdt:
 
         *first, last = self.shapes
         objectives = [*(objective(shape, False) for shape in first), objective(last, True)]
-        solvers = staged_solvers(self.solver, [self.coarse_tolerance] * len(objectives))
-        return minimise_staged(zip(solvers, objectives, strict=True), start)
+        tolerances = [self.coarse_tolerance] * len(objectives)
+        return minimise_staged(self.solver, objectives, tolerances, start)
 
     def _with_size(self, scan: FineNdtScan, cell_size: float) -> FineNdtScan:
         return scan if scan.cell_size == cell_size else self._scan(scan.points, cell_size)

@@ -15,7 +15,7 @@ from scanlock.optimisation.solvers.newton import Newton
 from scanlock.optimisation.solvers.problem import Objective
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.optimisation.solvers.staged import minimise_staged, staged_solvers
+from scanlock.optimisation.solvers.staged import minimise_staged
 from scanlock.registration.methods.gaussian_scan import (
     GaussianScan,
     dense_scales,
@@ -97,11 +97,12 @@ class Ndt(Method[GaussianScan]):
         """Minimise the score over the pose at each dense cell size, coarse to fine."""
         scales = dense_scales(target)
         sizes = [target.voxels[scale].size for scale in scales]
-        solvers = staged_solvers(self.solver, [self.coarse_tolerance * size for size in sizes])
-        objectives = (
-            constraints.applied_to(self._objective(target, source, scale)) for scale in scales
+        return minimise_staged(
+            self.solver,
+            (constraints.applied_to(self._objective(target, source, scale)) for scale in scales),
+            [self.coarse_tolerance * size for size in sizes],
+            start or Pose.identity(),
         )
-        return minimise_staged(zip(solvers, objectives, strict=True), start or Pose.identity())
 
     def _objective(self, target: GaussianScan, source: GaussianScan, scale: int) -> Objective:
         voxels = target.voxels[scale]

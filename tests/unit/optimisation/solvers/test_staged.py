@@ -34,7 +34,8 @@ class _Empty:
 
 def test_each_stage_begins_at_the_pose_of_the_last_one():
     minima = ([1.0, 0.0, 0.0], [1.0, 2.0, 0.0])
-    found = minimise_staged([(Newton(), _Bowl(minimum)) for minimum in minima], Pose.identity())
+    bowls = [_Bowl(minimum) for minimum in minima]
+    found = minimise_staged(Newton(), bowls, [0.0, 0.0], Pose.identity())
     np.testing.assert_allclose(found.pose.translation, minima[1], atol=1e-6)
     visited = [entry.pose.translation.tolist() for entry in found.history]
     assert visited[0] == [0.0, 0.0, 0.0]
@@ -45,16 +46,17 @@ def test_each_stage_begins_at_the_pose_of_the_last_one():
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_an_empty_stage_is_passed_over(order):
-    stages = [(Newton(), _Bowl([1.0, 0.0, 0.0])), (Newton(), _Empty())]
-    found = minimise_staged([stages[k] for k in order], Pose.identity())
-    assert found.objective is stages[0][1]
+    objectives = [_Bowl([1.0, 0.0, 0.0]), _Empty()]
+    ordered = [objectives[k] for k in order]
+    found = minimise_staged(Newton(), ordered, [0.0, 0.0], Pose.identity())
+    assert found.objective is objectives[0]
     assert found.reason.is_converged
     np.testing.assert_allclose(found.pose.translation, [1.0, 0.0, 0.0], atol=1e-6)
 
 
 def test_the_start_is_returned_unchanged_where_all_stages_are_empty():
     start = Pose.from_step(np.arange(6.0))
-    found = minimise_staged([(Newton(), _Empty())] * 2, start)
+    found = minimise_staged(Newton(), [_Empty()] * 2, [0.0, 0.0], start)
     assert found.reason is StopReason.EMPTY_OBJECTIVE
     assert found.pose == start
     assert len(found.history) == 2

@@ -3,7 +3,7 @@ import pytest
 
 from reference import gaussian_process as slow
 from scanlock.errors import InvalidInput
-from scanlock.kernels.ground.gaussian_process import exp_negative, grow_sectors
+from scanlock.kernels.ground.gaussian_process import grow_sectors
 from scanlock.segmentation.ground.gaussian_process import (
     GaussianProcess,
     Insac,
@@ -31,12 +31,6 @@ def _one_sector(process, r, z, seeds, **thresholds):
     alone = SectorInterpolation(iterations=0)
     insac = Insac(process=process, interpolation=alone, **thresholds)
     return insac.grow(starts, r, z, seeds)
-
-
-def test_exp_negative_is_the_exponential():
-    x = np.concatenate([[0.0], np.geomspace(1e-9, 59.0, 400)])
-    assert np.allclose([exp_negative(v) for v in x], np.exp(-x), rtol=1e-9, atol=1e-13)
-    assert 0.0 <= exp_negative(1e9) < 1e-25
 
 
 def test_mean_and_variance_are_those_of_gaussian_process_regression():
