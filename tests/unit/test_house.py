@@ -156,6 +156,29 @@ def test_the_architecture_page_shows_the_storeys_of_the_import_contract():
     assert shown == [[one for one in storey if one != "_lazy"] for storey in _storeys()]
 
 
+def _groups_of_public_names():
+    """Public names by the comments of ``scanlock/__init__.pyi`` that group them."""
+    groups = {}
+    for line in (_PACKAGE / "__init__.pyi").read_text(encoding="utf-8").splitlines()[3:]:
+        if line.startswith("# "):
+            names = groups[line.removeprefix("# ")] = []
+        elif found := re.search(r"(\w+) as \1", line):
+            names.append(found[1])
+    return groups
+
+
+def test_the_page_of_the_api_has_the_groups_of_the_public_names():
+    page = (_ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## ([^\n]+)\n(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL))
+    groups = _groups_of_public_names()
+    packages = groups.pop("Packages")
+    assert sorted(re.findall(r"`scanlock\.(\w+)`", sections.pop("Packages"))) == sorted(packages)
+    assert groups == {
+        title: re.findall(r"^   (\w+)$", text, re.MULTILINE) for title, text in sections.items()
+    }
+    assert len(groups) > 8
+
+
 def test_every_public_name_is_listed_once_and_can_be_imported():
     import scanlock
 

@@ -93,7 +93,17 @@ def voxel_moments(
 
 
 def voxel_means(points: Points, voxel_size: float) -> Points:
-    """Downsample (n, 3) points to their mean in each occupied voxel, (m, 3) with m <= n.
+    """Downsample points to their mean in each occupied voxel.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    voxel_size : float [m]
+
+    Returns
+    -------
+    (m, 3) [m]
+        One point per occupied voxel.
 
     Raises
     ------

@@ -19,19 +19,23 @@ from scanlock.io.poses import (
 )
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import read_scan, write_scan
+from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
 
 __all__ = [
     "FORMATS",
     "ScanDescription",
     "ScanFile",
     "ScanFormat",
+    "ScanSequence",
     "atomic_file",
     "describe_scan",
+    "open_sequence",
     "read_kitti_poses",
     "read_labels",
     "read_pose",
     "read_pose_matrix",
     "read_scan",
+    "read_trajectory",
     "read_tum_poses",
     "write_kitti_poses",
     "write_labels",

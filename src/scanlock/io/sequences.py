@@ -137,7 +137,18 @@ def open_sequence(
 
 
 def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
-    """Read the times [s] and the poses of a KITTI or TUM file; times are None for KITTI.
+    """Read a trajectory in KITTI or TUM format.
+
+    Parameters
+    ----------
+    path : path-like
+        Text file.
+
+    Returns
+    -------
+    times : (n,) [s] or None
+        None for KITTI, whose files have no times.
+    poses : list of Pose
 
     Raises
     ------

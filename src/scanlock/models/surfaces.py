@@ -162,6 +162,10 @@ def surface_normals(points: Points | PointTree, neighbours: int = 10) -> Points:
     neighbours : int
         Number of nearest neighbours, as for `surface_covariances`.
 
+    Returns
+    -------
+    (n, 3)
+
     Raises
     ------
     InvalidInput
