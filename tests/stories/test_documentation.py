@@ -112,7 +112,7 @@ def test_the_calls_of_a_registration_are_those_of_the_architecture_page():
         )
         position = next(found, None)
         assert position is not None, f"{name} of {file} is not called there"
-    assert len(parents) < 3 < len(tree.splitlines())
+    assert len(tree.splitlines()) > 20
 
 
 def test_the_places_of_the_architecture_page_exist():

@@ -11,7 +11,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import DegreesOfFreedom
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.prepare import PreparedScan, prepare
+from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.register import register
 from scanlock.registration.registry import DEFAULT_METHOD
 from scanlock.registration.result import RegistrationResult
@@ -84,7 +84,7 @@ def odometry(
     previous: PreparedScan | None = None
     pose, motion = Pose.identity(), Pose.identity()
     for index, scan in enumerate(scans):
-        current = prepare(scan, method=method, role=f"scan {index}")
+        current = prepared_as(f"scan {index}", scan, method, verify=True)
         if previous is None:
             result = None
         else:

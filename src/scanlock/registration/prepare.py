@@ -64,7 +64,6 @@ def prepare(
     *,
     method: str | Method[Any] = DEFAULT_METHOD,
     verify: bool = True,
-    role: str = "scan",
 ) -> PreparedScan:
     """Prepare a scan for any number of registrations.
 
@@ -76,8 +75,6 @@ def prepare(
         As for `register`. A prepared scan is registered by the method that prepared it.
     verify : bool
         Whether to extract the features for the verification.
-    role : str
-        Name of the scan in error messages.
 
     Returns
     -------
@@ -89,6 +86,13 @@ def prepare(
     InvalidInput
         A scan of the wrong shape or type or without a finite point, or an unknown method.
     """
+    return prepared_as("scan", scan, method, verify)
+
+
+def prepared_as(
+    role: str, scan: ArrayLike | HasPoints | PointCloud, method: str | Method[Any], verify: bool
+) -> PreparedScan:
+    """Prepare a scan as `prepare` does; errors name it by its role."""
     name, chosen = named_method(method)
     log = PreparationLog()
     with log.stage("check"):

@@ -17,7 +17,7 @@ from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.local_origins import LocalOrigins
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.prepare import PreparedScan, prepare
+from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
@@ -103,12 +103,12 @@ def register(
         raise InvalidInput("fix_degenerate needs the pose to keep: give prior or initial")
     if fix_degenerate and not verify:
         raise InvalidInput("fix_degenerate needs the verification: leave out verify=False")
-    Constraints(dof=dof)  # raises for an unknown value before any work
+    constraints = Constraints(dof=dof, prior=prior)
     estimator = (
         CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance
     )
     with using_threads(threads):
-        call = _Call(name, chosen, source, target, start, Constraints(dof=dof, prior=prior), verify)
+        call = _Call(name, chosen, source, target, start, constraints, verify)
         call.notes += notes
         if reason := call.insufficient:
             return call.failed(reason, time.perf_counter() - begin)
@@ -285,9 +285,9 @@ def _method(
 
 def _prepared(scan: Scan, role: str, method: Method[Any], verify: bool) -> PreparedScan:
     if not isinstance(scan, PreparedScan):
-        return prepare(scan, method=method, verify=verify, role=role)
+        return prepared_as(role, scan, method, verify)
     if verify and scan.features is None and not scan.insufficient:
-        return prepare(scan.cloud, method=method, role=role)
+        return prepared_as(role, scan.cloud, method, verify)
     return scan
 
 
