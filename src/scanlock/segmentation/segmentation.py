@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
-from scanlock.clouds.point_cloud import HasPoints, PointCloud
+from scanlock.clouds.coordinates import HasPoints
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.interrupts import plain_interrupts
 from scanlock.kernels.points.rows import selected_points
@@ -77,6 +78,13 @@ class Segmentation:
         full = np.full(self.cloud.input_count, np.nan)
         full[self.cloud.rows] = self.ground.height
         return full
+
+    def __repr__(self) -> str:
+        share = float(np.mean(self.is_ground))
+        return (
+            f"Segmentation({len(self.labels):,} points, ground {self.ground.status.value} "
+            f"({share:.0%}), {self.cluster_count} clusters)"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
