@@ -43,6 +43,20 @@ def require_apart(path: Path, inputs: Sequence[Path]) -> None:
             )
 
 
+def require_folder(path: Path) -> None:
+    """Raise `InvalidInput` unless the folder of an output file exists."""
+    if not path.parent.is_dir():
+        raise InvalidInput(f"{path.parent} is no folder, so {path.name} cannot be written; make it")
+
+
+def require_scan_file(path: Path) -> None:
+    """Raise `InvalidInput` unless the ending of a file is that of a scan format."""
+    from scanlock.io.formats.registry import FORMATS
+
+    endings = [ending for known in FORMATS.values() for ending in known.extensions]
+    require_ending(path, endings, "the cloud")
+
+
 def make_room(path: Path) -> None:
     """Create the folder of a file."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,19 +71,19 @@ def is_due(count: int) -> bool:
     return count % (1 + count // _EACH_UP_TO) == 0
 
 
-def save_pose(path: Path, pose: "Pose", result: Mapping[str, Any]) -> None:
+def save_pose(path: Path, pose: "Pose", result: Mapping[str, Any], comment: str = "") -> None:
     """Write a pose by the ending: the 4x4 matrix as text or .npy, or the whole result as JSON.
 
-    Numbers keep all digits. Each format can be read back as an initial pose.
+    Numbers keep all digits. Each format can be read back as an initial pose. The comment is the
+    first line of the text.
     """
     import numpy as np
 
     from scanlock.io import atomic_file, write_pose
 
-    make_room(path)
     suffix = path.suffix.lower()
     if suffix == ".txt":
-        write_pose(path, pose)
+        write_pose(path, pose, comment)
         return
     with atomic_file(path) as handle:
         if suffix == ".npy":
