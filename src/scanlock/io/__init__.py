@@ -1,10 +1,11 @@
 """Files: scans, poses, labels and sequences of scans.
 
-What belongs here reads, writes or describes files; points leave it as they are stored. Points are
+What belongs here reads, writes or describes files; points leave it in metres. Points are
 checked in `scanlock.clouds`, and settings files are read in `scanlock.registration.settings`.
 """
 
 from scanlock.io.atomic import atomic_file
+from scanlock.io.crs import CoordinateSystem
 from scanlock.io.describe import ScanDescription, describe_scan
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
@@ -23,6 +24,7 @@ from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
 
 __all__ = [
     "FORMATS",
+    "CoordinateSystem",
     "ScanDescription",
     "ScanFile",
     "ScanFormat",
