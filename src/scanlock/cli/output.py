@@ -10,6 +10,7 @@ from scanlock.errors import InvalidInput
 
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
+    from scanlock.io import ScanFile
 
 POSE_ENDINGS = (".txt", ".json", ".npy")
 
@@ -55,6 +56,25 @@ def require_scan_file(path: Path) -> None:
 
     endings = [ending for known in FORMATS.values() for ending in known.extensions]
     require_ending(path, endings, "the cloud")
+
+
+def write_cloud(path: Path, scan: "ScanFile") -> "ScanFile":
+    """Write a cloud for other tools, and return it as it was written.
+
+    Rows without a return are left out, unless the cloud is organised. Fields are fitted to LAS.
+    """
+    from scanlock.io import write_scan
+    from scanlock.io.formats.las.fitted import fitted_to_las
+    from scanlock.io.formats.registry import format_of_name
+    from scanlock.io.transform import has_return, keep_rows
+
+    is_las = format_of_name(path) == "las"
+    if is_las or scan.height == 1:
+        scan = keep_rows(scan, has_return(scan))
+    if is_las:
+        scan = fitted_to_las(scan)
+    write_scan(path, scan)
+    return scan
 
 
 def make_room(path: Path) -> None:

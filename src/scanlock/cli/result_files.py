@@ -122,8 +122,8 @@ class ResultFiles:
     ) -> str:
         from dataclasses import replace
 
-        from scanlock.io import write_scan
-        from scanlock.io.transform import has_return, keep_rows, merge_scans, transform_scan
+        from scanlock.cli.output import write_cloud
+        from scanlock.io.transform import merge_scans, transform_scan
 
         if not (result.ok or self.force):
             return _left_out(path, result)
@@ -131,14 +131,12 @@ class ResultFiles:
         # The moved cloud is in the target's coordinates.
         moved = replace(moved, crs=target.file.crs, las=moved.las if moved.las else target.file.las)
         scan = merge_scans([target.file, moved]) if merge else moved
-        if scan.height == 1:
-            scan = keep_rows(scan, has_return(scan))
-        write_scan(path, scan)
+        scan = write_cloud(path, scan)
         return f"wrote {path}, {len(scan):,} points"
 
 
 def _left_out(path: Path, result: "RegistrationResult") -> str:
-    return f"left out {path}: the pose is {_status(result)}; --force writes it"
+    return f"left out {path}: the pose is not verified ({_status(result)}); --force writes it"
 
 
 def _comment(result: "RegistrationResult") -> str:

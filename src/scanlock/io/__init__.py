@@ -21,6 +21,7 @@ from scanlock.io.poses import (
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import read_scan, write_scan
 from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+from scanlock.io.transform import merge_scans, transform_scan
 
 __all__ = [
     "FORMATS",
@@ -31,6 +32,7 @@ __all__ = [
     "ScanSequence",
     "atomic_file",
     "describe_scan",
+    "merge_scans",
     "open_sequence",
     "read_kitti_poses",
     "read_labels",
@@ -39,6 +41,7 @@ __all__ = [
     "read_scan",
     "read_trajectory",
     "read_tum_poses",
+    "transform_scan",
     "write_kitti_poses",
     "write_labels",
     "write_pose",

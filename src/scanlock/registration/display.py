@@ -19,9 +19,12 @@ Rows = list[tuple[str, str]]
 
 
 def accuracy_text(probability: float, accuracy: PoseAccuracy | None) -> str:
-    """Return one sentence: the probability that the pose is right, and its deviations."""
+    """Return one sentence: the probability that the pose is right, and its deviations.
+
+    A pose that is likely wrong has no accuracy.
+    """
     right = "not verified" if math.isnan(probability) else f"right with {probability:.1%}"
-    return right if accuracy is None else f"{right}; {accuracy}"
+    return right if accuracy is None or probability < 0.5 else f"{right}; {accuracy}"
 
 
 def motion_rows(pose: Pose, origins: LocalOrigins) -> Rows:

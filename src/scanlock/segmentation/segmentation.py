@@ -1,5 +1,7 @@
 """Segmentation of one scan into ground and clusters, by row of the input array."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise

@@ -1,5 +1,7 @@
 """Layout of the help."""
 
+from itertools import pairwise
+
 import pytest
 
 
@@ -17,7 +19,7 @@ def test_help_is_wrapped_once_in_two_columns(scanlock, monkeypatch, width):
     assert "planar motion (xy+yaw). The others keep the initial pose." in text
     # Every line but the last has no room for the first word of the next.
     room = min(width, 100) - column
-    for line, following in zip(block, block[1:], strict=False):
+    for line, following in pairwise(block):
         assert len(line[column:]) + 1 + len(following.split()[0]) > room
 
 
