@@ -172,7 +172,7 @@ def test_las_files_written_unchanged_are_equal(scan_data, tmp_path, name):
     ("name", "label", "units", "metres"),
     [
         ("formats/las/MixedConifer.laz", "EPSG:26912", "metre", (1, 1, 1)),
-        ("formats/las/Topography.laz", "EPSG:2949", "unknown unit, read as metres", (1, 1, 1)),
+        ("formats/las/Topography.laz", "EPSG:2949", "metre", (1, 1, 1)),
         (
             "formats/las/autzen_trim.laz",
             "NAD_1983_HARN_Lambert_Conformal_Conic",

@@ -8,6 +8,13 @@ from hypothesis import strategies as st
 
 from scanlock.errors import InvalidInput
 from scanlock.io import CoordinateSystem
+from scanlock.io.crs.units import (
+    FOOT,
+    METRE,
+    US_SURVEY_FOOT,
+    unit_of_projected_system,
+    unit_of_vertical_system,
+)
 from scanlock.io.crs.wkt import parse_wkt
 
 _US_FOOT = 1200 / 3937
@@ -81,10 +88,52 @@ def test_degrees_are_recognised_and_refused_by_name(text, code, height):
 
 def test_missing_units_are_noted():
     assert CoordinateSystem.from_wkt(_UTM_1).notes == ()
-    [unknown] = CoordinateSystem.from_wkt('PROJCS["x",AUTHORITY["EPSG","2994"]]').notes
-    assert "unit of EPSG:2994" in unknown
+    [unknown] = CoordinateSystem.from_wkt('PROJCS["x"]').notes
+    assert "does not state the unit: taken as metres" in unknown
     [height] = CoordinateSystem.from_wkt('PROJCS["x",UNIT["foot",0.3048]]').notes
     assert "unit of heights: taken as foot" in height
+
+
+def test_the_unit_of_an_epsg_code_is_used_and_compared():
+    by_code = CoordinateSystem.from_wkt('PROJCS["x",AUTHORITY["EPSG","2994"]]')
+    assert by_code.horizontal_unit == "foot"
+    assert by_code.notes[0] == (
+        "the file does not state the unit of x and y: that of EPSG:2994 is used"
+    )
+    text = 'PROJCS["x",UNIT["metre",1],AUTHORITY["EPSG","2994"]]'
+    contradiction = CoordinateSystem.from_wkt(text)
+    assert contradiction.horizontal_unit == "metre"
+    assert contradiction.notes[0] == (
+        "the file states metre for x and y (used), but EPSG:2994 is in foot"
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "unit"),
+    [
+        (32633, METRE),
+        (2949, METRE),
+        (28992, METRE),
+        (2225, US_SURVEY_FOOT),
+        (2250, US_SURVEY_FOOT),
+        (6411, US_SURVEY_FOOT),
+        (2251, FOOT),
+        (2992, FOOT),
+        (24371, None),
+        (32767, None),
+        (None, None),
+    ],
+)
+def test_units_of_projected_systems(code, unit):
+    assert unit_of_projected_system(code) == unit
+
+
+@pytest.mark.parametrize(
+    ("code", "unit"),
+    [(5703, METRE), (5773, METRE), (6360, US_SURVEY_FOOT), (8228, FOOT), (5103, None)],
+)
+def test_units_of_vertical_systems(code, unit):
+    assert unit_of_vertical_system(code) == unit
 
 
 def test_another_unit_replaces_the_stated_one():

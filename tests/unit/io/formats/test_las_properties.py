@@ -56,7 +56,8 @@ def _las(path, *records, version="1.2", point_format=1, points=_RAW, extra=(), w
         ({"k3072": 2269, "k3076": 9003, "k4099": 9001}, 2269, (_US_FOOT, _US_FOOT, 1)),
         ({"k3072": 2269, "k3076": 9002, "k4096": 6360}, 2269, (0.3048, 0.3048, _US_FOOT)),
         ({"k3072": 32767, "k3076": 9003}, None, (_US_FOOT,) * 3),
-        ({"k3072": 2994}, 2994, (1, 1, 1)),
+        ({"k3072": 2994}, 2994, (0.3048,) * 3),
+        ({"k1024": 1}, None, (1, 1, 1)),
     ],
 )
 def test_geo_keys_give_code_and_unit(tmp_path, keys, epsg, metres):
@@ -68,9 +69,9 @@ def test_geo_keys_give_code_and_unit(tmp_path, keys, epsg, metres):
 
 
 def test_a_unit_that_is_not_stated_is_noted(tmp_path):
-    scan = read_scan(_las(tmp_path / "a.las", _geo_keys(k3072=2994)))
+    scan = read_scan(_las(tmp_path / "a.las", _geo_keys(k1024=1)))
     assert scan.crs.horizontal_unit == "unknown"
-    assert "does not state the unit of EPSG:2994: taken as metres" in scan.notes[0]
+    assert "does not state the unit: taken as metres" in scan.notes[0]
 
 
 def test_a_user_defined_unit_is_read_from_its_size(tmp_path):

@@ -8,9 +8,7 @@ from scanlock.io.crs.from_wkt import StatedSystem
 from scanlock.io.crs.units import (
     LengthUnit,
     unit_of_epsg,
-    unit_of_projected_system,
     unit_of_size,
-    unit_of_vertical_system,
 )
 
 _MODEL_TYPE, _CITATION = 1024, 1026
@@ -57,7 +55,6 @@ def system_of_geo_keys(directory: bytes, doubles: bytes, strings: bytes) -> Stat
         if _MODEL_TYPE in keys.numbers
         else _GEODETIC_SYSTEM in keys.numbers
     )
-    vertical = keys.code(_VERTICAL_SYSTEM)
     size = keys.sizes.get(_LENGTH_UNIT_SIZE)
     length = keys.length(_LENGTH_UNIT)
     if length is None and size is not None and 0.0 < size < math.inf:
@@ -66,11 +63,12 @@ def system_of_geo_keys(directory: bytes, doubles: bytes, strings: bytes) -> Stat
     return StatedSystem(
         name=next((keys.texts[key] for key in citations if keys.texts.get(key)), ""),
         epsg=keys.code(_GEODETIC_SYSTEM) if is_geographic else projected,
-        vertical_epsg=vertical,
+        projected_epsg=projected,
+        vertical_epsg=keys.code(_VERTICAL_SYSTEM),
         is_geographic=is_geographic,
         angle_unit=_ANGLES.get(keys.numbers.get(_ANGLE_UNIT, 0)) if is_geographic else None,
-        horizontal=None if is_geographic else length or unit_of_projected_system(projected),
-        vertical=keys.length(_VERTICAL_UNIT) or unit_of_vertical_system(vertical),
+        horizontal=None if is_geographic else length,
+        vertical=keys.length(_VERTICAL_UNIT),
     )
 
 

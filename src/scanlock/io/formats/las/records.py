@@ -174,7 +174,15 @@ def _text(record: LasRecord) -> str:
 def _completed(first: StatedSystem, other: StatedSystem) -> StatedSystem:
     if first.is_geographic != other.is_geographic:
         return first
-    names = ("name", "epsg", "vertical_epsg", "angle_unit", "horizontal", "vertical")
+    names = (
+        "name",
+        "epsg",
+        "projected_epsg",
+        "vertical_epsg",
+        "angle_unit",
+        "horizontal",
+        "vertical",
+    )
     missing = {name: getattr(other, name) for name in names if not getattr(first, name)}
     return replace(first, **missing)
 

@@ -30,8 +30,12 @@ _DEFAULT = LasProperties(
 )
 """Properties of scans that were not read from a LAS file."""
 
-_MIN_VERSIONS = {0: "1.1", 1: "1.1", 2: "1.2", 3: "1.2", 4: "1.3", 5: "1.3"}
-"""Minimum version of each point format; 1.4 for the others."""
+_VERSIONS = {
+    **dict.fromkeys((0, 1), ("1.1", "1.2", "1.3", "1.4")),
+    **dict.fromkeys((2, 3), ("1.2", "1.3", "1.4")),
+    **dict.fromkeys((4, 5), ("1.3", "1.4")),
+}
+"""Versions with each point format; the others are in 1.4 and 1.5."""
 
 
 def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
@@ -107,7 +111,8 @@ def _new_header(
     point_format = kept.point_format
     if {"red", "green", "blue"} <= set(fields):
         point_format = _COLOURED.get(point_format, point_format)
-    version = max(kept.version, _MIN_VERSIONS.get(point_format, "1.4"))
+    known = _VERSIONS.get(point_format, ("1.4", "1.5"))
+    version = kept.version if kept.version in known else known[0]
     has_wkt = any(record.has_wkt for record in records)
     is_wkt_only = has_wkt and not any(record.has_geo_keys for record in records)
     if any(record.is_extended for record in records) or is_wkt_only:
