@@ -60,7 +60,7 @@ _MIN_CELL_POINTS = 6
 """Minimum number of points of a cell, as for the Gaussians of common NDT implementations."""
 
 _MAX_RADIUS, _MIN_RADIUS = 2000.0, 0.1
-"""Median distances from the middle of a scan [m] beyond which its unit is doubtful."""
+"""Median distances from the middle of a scan [m] beyond which its unit is unclear."""
 
 _LARGE_RADIUS, _SPARSE = 100.0, 0.5
 """Median distance from the middle, and spacing [m], above which only terrain is in metres."""
@@ -167,7 +167,7 @@ def guess_sensor(points: Points, rings: int | None, rows: int) -> str:
 def unit_questions(
     crs: CoordinateSystem | None, cloud: PointCloud, spacing: float
 ) -> tuple[str, ...]:
-    """Return questions on the unit of a scan, where it is doubtful and the file does not state it.
+    """Return questions on the unit of a scan, where it is unclear and the file does not state it.
 
     Parameters
     ----------
