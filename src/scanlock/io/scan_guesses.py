@@ -181,10 +181,13 @@ def unit_questions(
     if crs is not None and crs.horizontal_unit != UNKNOWN:
         return ()
     radius = cloud.radius
-    if radius > _MAX_RADIUS or (radius > _LARGE_RADIUS and _is_tall(cloud, spacing)):
+    size = f"half of the points lie more than {radius:,.0f} units from their middle"
+    if radius > _MAX_RADIUS:
+        return (f"are these millimetres? {size}; --scale 0.001 reads millimetres",)
+    if radius > _LARGE_RADIUS and _is_tall(cloud, spacing):
         return (
-            f"are these millimetres? half of the points lie more than {radius:,.0f} units from "
-            "their middle; --scale 0.001 reads millimetres",
+            f"are these centimetres or millimetres? {size}, too tall for terrain; --scale 0.01 "
+            "reads centimetres, and --scale 0.001 millimetres",
         )
     if 0.0 < radius < _MIN_RADIUS:
         return (

@@ -177,11 +177,11 @@ def test_millimetres_are_asked_for(tmp_path, room_scan, factor):
     assert describe_scan(tmp_path / "a.pcd", scale=1 / factor).questions == ()
 
 
-def test_millimetres_of_a_small_object_are_asked_for(tmp_path):
+def test_smaller_units_of_a_small_object_are_asked_for(tmp_path):
     ball = np.random.default_rng(0).normal(size=(5000, 3))
     ball *= 300.0 / np.linalg.norm(ball, axis=1, keepdims=True)
     [question] = _describe(tmp_path, ball).questions
-    assert question.startswith("are these millimetres? ")
+    assert question.startswith("are these centimetres or millimetres? ")
 
 
 def test_terrain_is_not_taken_for_millimetres(tmp_path):

@@ -78,6 +78,11 @@ def unit_of_epsg(code: int | None) -> LengthUnit | None:
     return None if code is None else _BY_EPSG.get(code)
 
 
+def epsg_of_unit(name: str) -> int | None:
+    """Return the EPSG code of a unit by its name; None if it is unknown."""
+    return next((code for code, unit in _BY_EPSG.items() if unit.name == name), None)
+
+
 def unit_of_vertical_system(code: int | None) -> LengthUnit | None:
     """Return the unit of a vertical system by its EPSG code; None if it is unknown."""
     if code is None or code not in _VERTICAL_CODES or code in _VERTICAL_DATUMS:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.io import CoordinateSystem, read_scan, write_scan
+from scanlock.io import CoordinateSystem, ScanFile, read_scan, write_scan
 
 laspy = pytest.importorskip("laspy")
 
@@ -253,3 +253,47 @@ def test_a_damaged_record_or_scale_is_no_crash(tmp_path):
     scan = read_scan(tmp_path / "a.las")
     write_scan(tmp_path / "b.las", scan)
     assert np.array_equal(read_scan(tmp_path / "b.las").points[:, 0], scan.points[:, 0])
+
+
+def test_a_system_by_codes_is_written_as_keys(tmp_path):
+    crs = CoordinateSystem(
+        epsg=2992,
+        vertical_epsg=8228,
+        horizontal_unit="foot",
+        vertical_unit="foot",
+        metres_per_unit=(0.3048,) * 3,
+    )
+    points = _RAW - _CORNER
+    write_scan(tmp_path / "a.las", ScanFile(points=points, fields={}, format="ply", crs=crs))
+    after = read_scan(tmp_path / "a.las")
+    assert dataclasses.replace(after.crs, records=()) == crs
+    assert np.abs(np.asarray(laspy.read(tmp_path / "a.las").x) * 0.3048 - points[:, 0]).max() < 1e-4
+    degrees = CoordinateSystem(epsg=4326, horizontal_unit="degree", is_geographic=True)
+    write_scan(tmp_path / "b.las", ScanFile(points=points, fields={}, format="ply", crs=degrees))
+    assert dataclasses.replace(read_scan(tmp_path / "b.las").crs, records=()) == degrees
+    unnamed = CoordinateSystem()
+    write_scan(tmp_path / "c.las", ScanFile(points=points, fields={}, format="ply", crs=unnamed))
+    assert read_scan(tmp_path / "c.las").crs is None
+
+
+def test_copc_is_not_written(tmp_path):
+    with pytest.raises(InvalidInput, match=r"COPC cannot be written; write a\.laz"):
+        write_scan(tmp_path / "a.copc.laz", _RAW)
+
+
+def test_a_version_that_lacks_the_point_format_is_raised(tmp_path):
+    scan = read_scan(_las(tmp_path / "a.las", version="1.2", point_format=1))
+    old = dataclasses.replace(scan.las, version="1.0")
+    write_scan(tmp_path / "b.las", dataclasses.replace(scan, las=old))
+    assert read_scan(tmp_path / "b.las").las.version == "1.1"
+
+
+def test_values_between_the_steps_of_a_scaled_dimension_are_rounded(tmp_path):
+    path = _las(tmp_path / "a.las", extra=_EXTRA)
+    scan = read_scan(path)
+    fields = {**scan.fields, "amplitude": np.linspace(0.0, 10.0, 300)}
+    write_scan(path, dataclasses.replace(scan, fields=fields))
+    assert np.abs(read_scan(path).fields["amplitude"] - fields["amplitude"]).max() <= 0.0051
+    fields["amplitude"] = np.full(300, 1e6)
+    with pytest.raises(InvalidInput, match="amplitude cannot hold"):
+        write_scan(path, dataclasses.replace(scan, fields=fields))

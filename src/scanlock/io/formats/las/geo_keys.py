@@ -4,9 +4,11 @@ import math
 import struct
 from dataclasses import dataclass
 
+from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.crs.from_wkt import StatedSystem
 from scanlock.io.crs.units import (
     LengthUnit,
+    epsg_of_unit,
     unit_of_epsg,
     unit_of_size,
 )
@@ -17,7 +19,7 @@ _PROJECTED_SYSTEM, _PROJECTED_CITATION = 3072, 3073
 _LENGTH_UNIT, _LENGTH_UNIT_SIZE = 3076, 3077
 _VERTICAL_SYSTEM, _VERTICAL_CITATION, _VERTICAL_UNIT = 4096, 4097, 4099
 
-_GEOGRAPHIC_MODEL = 2
+_PROJECTED_MODEL, _GEOGRAPHIC_MODEL = 1, 2
 _USER_DEFINED = 32767
 _DOUBLES, _STRINGS = 34736, 34737
 _ANGLES = {9101: "radian", 9102: "degree", 9105: "grad"}
@@ -70,6 +72,21 @@ def system_of_geo_keys(directory: bytes, doubles: bytes, strings: bytes) -> Stat
         horizontal=None if is_geographic else length,
         vertical=keys.length(_VERTICAL_UNIT),
     )
+
+
+def directory_of_system(crs: CoordinateSystem) -> bytes:
+    """Return the directory of the keys that state a system by EPSG codes; empty without a code."""
+    if crs.epsg is None:
+        return b""
+    keys = {
+        _MODEL_TYPE: _GEOGRAPHIC_MODEL if crs.is_geographic else _PROJECTED_MODEL,
+        _GEODETIC_SYSTEM if crs.is_geographic else _PROJECTED_SYSTEM: crs.epsg,
+        _LENGTH_UNIT: None if crs.is_geographic else epsg_of_unit(crs.horizontal_unit),
+        _VERTICAL_SYSTEM: crs.vertical_epsg,
+        _VERTICAL_UNIT: epsg_of_unit(crs.vertical_unit),
+    }
+    rows = [(key, 0, 1, value) for key, value in sorted(keys.items()) if value is not None]
+    return b"".join(struct.pack("<4H", *row) for row in [(1, 1, 0, len(rows)), *rows])
 
 
 def _parsed(directory: bytes, doubles: bytes, strings: bytes) -> _GeoKeys:

@@ -12,8 +12,11 @@ from scanlock.io.formats.las.backend import import_laspy, require_backend
 from scanlock.io.formats.las.dimensions import add_dimensions, fill_dimension
 from scanlock.io.formats.las.grid import coordinate_grid
 from scanlock.io.formats.las.properties import LasProperties
-from scanlock.io.formats.las.records import WKT_BIT, LasRecord, wkt_record
+from scanlock.io.formats.las.records import WKT_BIT, LasRecord, key_records, wkt_record
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
+
+_INDEXED = ".copc.laz"
+"""Extension of COPC, whose points are ordered in an octree."""
 
 _MAX_COORDINATE = 1e12
 """Coordinates above this are no lengths [m]."""
@@ -50,11 +53,17 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     Raises
     ------
     InvalidInput
-        NaN or Inf in the points, or values that their LAS dimension cannot hold.
+        The extension .copc.laz, NaN or Inf in the points, or values that their LAS dimension
+        cannot hold.
     MissingExtra
         laspy is not installed.
     """
     laspy = import_laspy(path)
+    if path.name.lower().endswith(_INDEXED):
+        plain = path.name[: -len(_INDEXED)] + ".laz"
+        raise InvalidInput(
+            f"{path}: COPC cannot be written; write {plain}, and index it with pdal translate"
+        )
     compressed = encoding == "compressed" or path.suffix.lower() == ".laz"
     require_backend(laspy, path, compressed=compressed)
     if not (np.abs(scan.points) < _MAX_COORDINATE).all():
@@ -100,9 +109,9 @@ def _old_grid(kept: LasProperties, old: Vector, units: Vector) -> tuple[Vector, 
 def _system_records(scan: ScanFile) -> tuple[LasRecord, ...]:
     if scan.crs is None:
         return ()
-    if scan.crs.records or not scan.crs.wkt:
+    if scan.crs.records:
         return scan.crs.records
-    return (wkt_record(scan.crs.wkt),)
+    return (wkt_record(scan.crs.wkt),) if scan.crs.wkt else key_records(scan.crs)
 
 
 def _new_header(
