@@ -95,6 +95,9 @@ from scanlock.segmentation.clusters import GaussianFit as GaussianFit
 from scanlock.segmentation.clusters import L2Distance as L2Distance
 from scanlock.segmentation.clusters import MeanDistance as MeanDistance
 
+# Pictures
+from scanlock.report.registration_figure import registration_figure as registration_figure
+
 # Files
 from scanlock.io import read_scan as read_scan
 from scanlock.io import write_scan as write_scan

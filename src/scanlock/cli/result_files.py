@@ -158,4 +158,7 @@ def _draw(
     from scanlock.report.canvas import save_figure
     from scanlock.report.registration_figure import registration_figure
 
-    save_figure(path, registration_figure(target.returns, source.returns, result, initial=start))
+    figure = registration_figure(
+        result, source=source.returns, target=target.returns, initial=start
+    )
+    save_figure(path, figure)

@@ -21,16 +21,16 @@ _COLOURS = ("red", "green", "blue")
 
 _PALETTE = np.array(
     [
-        (44, 123, 182),
-        (253, 141, 60),
-        (65, 171, 93),
-        (215, 48, 39),
-        (136, 86, 167),
-        (140, 81, 10),
+        (0, 114, 178),
+        (213, 94, 0),
+        (0, 158, 115),
+        (204, 121, 167),
+        (86, 180, 233),
+        (230, 159, 0),
     ],
     np.uint8,
 )
-"""Colours of scans in turn: blue, orange, green, red, violet, brown."""
+"""Colours of scans in turn, for all common kinds of colour vision (Okabe and Ito)."""
 
 
 def transform_scan(scan: ScanFile, pose: Pose) -> ScanFile:

@@ -44,9 +44,9 @@ def apply(
     require_folder(output)
     require_apart(output, (pose, cloud))
     moved_by = read_pose(pose)
-    doubt = read_pose_comment(pose)
-    if doubt.startswith("not verified") and not force:
-        raise InvalidInput(f"{pose} is {doubt}; pass --force to apply it all the same")
+    comment = read_pose_comment(pose)
+    if comment.startswith("not verified") and not force:
+        raise InvalidInput(f"{pose} is {comment}; pass --force to apply it all the same")
     scan = (reading or Reading()).load(cloud).file
     moved = transform_scan(scan, moved_by.inverse() if inverse else moved_by)
     written = write_cloud(output, moved)
