@@ -10,7 +10,7 @@ from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput
 from scanlock.io.formats.las.backend import import_laspy, require_backend
 from scanlock.io.formats.las.dimensions import add_dimensions, fill_dimension
-from scanlock.io.formats.las.grid import coordinate_grid
+from scanlock.io.formats.las.grid import coordinate_grid, on_grid
 from scanlock.io.formats.las.properties import LasProperties
 from scanlock.io.formats.las.records import WKT_BIT, LasRecord, key_records, wkt_record
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
@@ -82,7 +82,7 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     )
     add_dimensions(laspy, path, header, kept, fields)
     las = laspy.LasData(header)
-    las.x, las.y, las.z = coordinates.T
+    las.X, las.Y, las.Z = on_grid(coordinates, header.scales, header.offsets).T
     for name, values in fields.items():
         fill_dimension(path, las, name, values)
     las.evlrs = _laspy_records(laspy, records, is_extended=True) or None
