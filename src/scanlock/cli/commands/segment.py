@@ -86,7 +86,10 @@ def segment(
         wrote.extend(_write(output, loaded, found, colours=colours))
     if picture is not None:
         wrote.append(_draw(picture, found))
-    summary = _summary(found) | {"file_ground": compared_ground(loaded.file, found.labels)}
+    summary = _summary(found) | {
+        "file_ground": compared_ground(loaded.file, found.labels),
+        "notes": list(loaded.file.notes),
+    }
     if json:
         print_json({"scan": str(scan), **summary})
         return
@@ -135,6 +138,7 @@ def _facts(summary: dict[str, Any]) -> "Facts":
         ("clusters", f"{summary['clusters']:,} of {count('cluster_points')}"),
         ("", f"{sizes} in the largest"),
         ("neither", count("left_out_points")),
+        *(("note", note) for note in summary["notes"]),
     ]
 
 

@@ -201,6 +201,7 @@ def test_ground_is_class_2_of_las(scanlock, scans, tmp_path):
     assert summary["recall"] > 0.97
     text = " ".join(done.out.split())
     assert f"class 2 {summary['points']:,} points of the file: " in text
+    assert "note converted to metres from foot (0.3048 m)" in text
     assert "class 2" not in scanlock("segment", scans / "target.npy").out
 
 
