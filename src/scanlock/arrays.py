@@ -48,7 +48,7 @@ def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     return view
 
 
-def short_repr(value: Any) -> str:
+def short_repr(value: Any, /) -> str:
     """Return the repr of a dataclass with arrays as their shapes and numbers with four digits.
 
     Assigned to ``__repr__`` by dataclasses that hold arrays of points.
