@@ -1,0 +1,164 @@
+"""Trajectories with the times and scan numbers of their rows, from files or folders of scans."""
+
+import csv
+import io
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from scanlock.arrays import Labels, Vector
+from scanlock.errors import FormatError
+from scanlock.geometry.pose import Pose
+from scanlock.io.atomic import atomic_file
+from scanlock.io.datasets.kitti import read_kitti_calibration, read_kitti_times
+from scanlock.io.errors import malformed
+from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+
+SCAN_TABLE = "scans.csv"
+"""Name of the file with number, name and time of each row, in the folder of a trajectory."""
+
+_HEADS = ("number", "name", "time")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Trajectory:
+    """Poses with times and scan numbers, as far as they are known.
+
+    Attributes
+    ----------
+    path : Path
+        File or folder of the poses.
+    poses : list of n Pose
+        ``world_from_sensor``.
+    times : (n,) [s] or None
+        Time of each pose.
+    numbers : (n,) or None
+        Number of each scan: its row in the data set, or in the folder of all scans.
+    camera_from_laser : Pose or None
+        Calibration of a KITTI odometry sequence, whose poses are those of the camera.
+    is_file : bool
+        False for the poses of a folder of scans, which are in the frame of the scans.
+    """
+
+    path: Path
+    poses: list[Pose]
+    times: Vector | None = None
+    numbers: Labels | None = None
+    camera_from_laser: Pose | None = None
+    is_file: bool = True
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def first(self, count: int) -> "Trajectory":
+        """Return the first rows."""
+        return replace(
+            self,
+            poses=self.poses[:count],
+            times=None if self.times is None else self.times[:count],
+            numbers=None if self.numbers is None else self.numbers[:count],
+        )
+
+
+def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
+    """Read a trajectory with all that its surroundings tell about its rows.
+
+    Parameters
+    ----------
+    path : path-like
+        A file in KITTI or TUM format, or a folder of scans with poses. Beside a file these are
+        used: ``scans.csv`` of ``scanlock map``, ``times.txt``, and for ``poses/NN.txt`` of KITTI
+        ``../sequences/NN/times.txt`` and ``calib.txt``; each only with a row for each pose.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError
+        A file in neither format, or a folder without poses.
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _of_folder(path, open_sequence(path))
+    times, poses = read_trajectory(path)
+    found = Trajectory(path=path, poses=poses, times=times)
+    table = path.parent / SCAN_TABLE
+    if table.exists():
+        return _with_scans(found, *_read_scan_table(table))
+    # The absolute path names the folders even for a bare file name; links are not resolved.
+    absolute = Path(os.path.abspath(path))
+    sequence = absolute.parent.parent / "sequences" / absolute.stem
+    calibration = sequence / "calib.txt"
+    if absolute.parent.name == "poses" and calibration.exists():
+        found = replace(found, camera_from_laser=read_kitti_calibration(calibration))
+    for stamps in (absolute.parent / "times.txt", sequence / "times.txt"):
+        if found.times is None and stamps.exists():
+            found = _with_times(found, read_kitti_times(stamps))
+    return found
+
+
+def write_scan_table(path: str | os.PathLike[str], sequence: ScanSequence, count: int) -> None:
+    """Write number, name and time of the first `count` scans of a sequence as CSV.
+
+    `open_trajectory` reads it beside a trajectory and matches rows by it.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write.
+    sequence : ScanSequence
+    count : int
+        Number of scans.
+    """
+    text = io.StringIO()
+    rows = zip(sequence.numbers, sequence.names, sequence.times, strict=True)
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(_HEADS)
+    for number, name, time in list(rows)[:count]:
+        table.writerow((int(number), name, repr(float(time))))
+    with atomic_file(path) as handle:
+        handle.write(text.getvalue().encode())
+
+
+def _of_folder(path: Path, sequence: ScanSequence) -> Trajectory:
+    if not sequence.poses:
+        reason = sequence.missing_poses or "name a file of poses"
+        raise FormatError(
+            f"{path}: expected a folder of scans with their poses, found none "
+            f"({sequence.title}): {reason}"
+        )
+    found = Trajectory(path=path, poses=list(sequence.poses), is_file=False)
+    return _with_scans(found, sequence.numbers, sequence.times)
+
+
+def _with_scans(found: Trajectory, numbers: Labels, times: Vector) -> Trajectory:
+    """Return the trajectory with scan numbers and times; times that count the scans are none."""
+    if len(numbers) != len(found):
+        return found
+    if np.array_equal(times, numbers):
+        return replace(found, numbers=numbers, times=None)
+    return replace(found, numbers=numbers, times=times)
+
+
+def _with_times(found: Trajectory, times: Vector) -> Trajectory:
+    return replace(found, times=times) if len(times) == len(found) else found
+
+
+def _read_scan_table(path: Path) -> tuple[Labels, Vector]:
+    with path.open(newline="", encoding="utf-8") as handle:
+        rows = list(csv.DictReader(handle))
+    try:
+        numbers = np.array([int(row["number"]) for row in rows], np.int64)
+        times = np.array([float(row["time"]) for row in rows], np.float64)
+    except (KeyError, TypeError, ValueError) as error:
+        raise malformed(
+            path, "data", expected="columns number and time", found=str(error),
+            remedy="map the scans again, or remove this file",
+        ) from error  # fmt: skip
+    return numbers, times
