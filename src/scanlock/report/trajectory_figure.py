@@ -6,12 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scanlock.evaluation.trajectory_errors import (
-    Alignment,
-    absolute_errors,
-    aligned,
-    path_lengths,
-)
+from scanlock.evaluation.alignment import Alignment, aligned
+from scanlock.evaluation.trajectory_errors import absolute_errors, path_lengths
 from scanlock.geometry.pose import Pose
 from scanlock.report.canvas import BLUE, FAINT, INK, VERMILION, blank_figure, legend_below
 
