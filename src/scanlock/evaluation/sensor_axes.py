@@ -28,6 +28,11 @@ The same; the truth, or the estimate, in the frame of a camera and the other in 
 another fixed rotation; or different, with too few rotations to tell which.
 """
 
+_CAMERA_RELATIONS: tuple[tuple[Matrix, Relation], ...] = (
+    (CAMERA_FROM_LASER.rotation, "truth_camera"),
+    (CAMERA_FROM_LASER.rotation.T, "estimate_camera"),
+)
+
 _MAX_ANGLE = np.radians(15.0)
 """Largest deviation from nominal axes [rad]; KITTI's are off by less than one degree."""
 
@@ -65,7 +70,7 @@ class SensorAxes:
 def compare_axes(estimate: Sequence[Pose], truth: Sequence[Pose]) -> SensorAxes:
     """Find the fixed rotation between the sensor frames of two trajectories.
 
-    Only clear evidence gives another relation than "same", so that a bad estimate is never
+    Only a clear agreement gives another relation than "same", so that a bad estimate is never
     rotated to fit.
 
     Parameters
@@ -96,20 +101,14 @@ def compare_axes(estimate: Sequence[Pose], truth: Sequence[Pose]) -> SensorAxes:
 def _relation(
     best: Matrix, moved: "_Agreement", turned: "_Agreement", *, is_determined: bool
 ) -> Relation:
-    identity = np.eye(3)
-    if moved.at(identity) > _CONTRADICTS and (
-        not is_determined or turned.at(identity) > _CONTRADICTS
-    ):
+    same = np.eye(3)
+    if moved.at(same) > _CONTRADICTS and (not is_determined or turned.at(same) > _CONTRADICTS):
         return "same"
-    camera: Relation
-    for camera, axes in (
-        ("truth_camera", CAMERA_FROM_LASER.rotation),
-        ("estimate_camera", CAMERA_FROM_LASER.rotation.T),
-    ):
+    for axes, camera in _CAMERA_RELATIONS:
+        if moved.at(axes) > _AGREES and not is_determined:
+            return "unclear"
         if moved.at(axes) > _AGREES and turned.at(axes) > _AGREES:
             return camera if rotation_angle(axes.T @ best) < _MAX_ANGLE else "rotated"
-        if not is_determined and moved.at(axes) > _AGREES:
-            return "unclear"
     if is_determined and moved.at(best) > _AGREES and turned.at(best) > _AGREES:
         return "rotated"
     return "same"

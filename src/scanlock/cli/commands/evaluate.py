@@ -12,7 +12,6 @@ from scanlock.errors import require_count
 if TYPE_CHECKING:
     from scanlock.cli.trajectory_pair import TrajectoryPair
     from scanlock.evaluation.alignment import Alignment
-    from scanlock.evaluation.pose_pairs import DeltaUnit
 
 _SHOWN = ("rmse", "mean", "median", "std", "largest")
 
@@ -72,9 +71,13 @@ def evaluate(
         Print all numbers as JSON, and nothing else.
     """
     from scanlock.cli.console import print_json, print_line
-    from scanlock.cli.output import require_picture
+    from scanlock.cli.output import make_room, require_picture
     from scanlock.cli.trajectory_pair import in_one_frame, pair_trajectories
+    from scanlock.evaluation.error_summary import summarise
+    from scanlock.evaluation.trajectory_errors import relative_errors
     from scanlock.io.trajectories import open_trajectory
+    from scanlock.report.canvas import save_figure
+    from scanlock.report.trajectory_figure import trajectory_figure
 
     if picture is not None:
         require_picture(picture)
@@ -83,9 +86,20 @@ def evaluate(
     true = open_trajectory(truth)
     pair = pair_trajectories(open_trajectory(estimate), true, first)
     pair = in_one_frame(pair, true, axes, calib)
-    content = _content(pair, align, delta, unit, all_pairs)
+    poses = pair.estimate, pair.truth
+    motions = relative_errors(*poses, delta, unit, all_pairs=all_pairs, times=pair.times)
+    relative = {"delta": delta, "unit": unit, "pairs": len(motions), "all_pairs": all_pairs}
+    content = _content(pair, align, relative | summarise(motions))
     if picture is not None:
-        _draw(picture, pair, align, f"{estimate.name} and {truth.name}")
+        make_room(picture)
+        figure = trajectory_figure(
+            *poses,
+            alignment=align,
+            relative=motions,
+            times=pair.times if unit == "s" else None,
+            title=f"{estimate.name} and {truth.name}",
+        )
+        save_figure(picture, figure)
     if json:
         print_json(content)
         return
@@ -94,31 +108,15 @@ def evaluate(
         print_line(f"wrote {picture}")
 
 
-def _draw(path: Path, pair: "TrajectoryPair", align: "Alignment", title: str) -> None:
-    from scanlock.cli.output import make_room
-    from scanlock.report.canvas import save_figure
-    from scanlock.report.trajectory_figure import trajectory_figure
-
-    make_room(path)
-    figure = trajectory_figure(pair.estimate, pair.truth, alignment=align, title=title)
-    save_figure(path, figure)
-
-
 def _content(
-    pair: "TrajectoryPair", align: "Alignment", delta: float, unit: "DeltaUnit", all_pairs: bool
+    pair: "TrajectoryPair", align: "Alignment", relative: dict[str, Any]
 ) -> dict[str, Any]:
     from scanlock.evaluation.alignment import find_alignment
     from scanlock.evaluation.error_summary import summarise, summarise_kitti
     from scanlock.evaluation.plausibility import find_warnings
-    from scanlock.evaluation.trajectory_errors import (
-        absolute_errors,
-        kitti_errors,
-        path_lengths,
-        relative_errors,
-    )
+    from scanlock.evaluation.trajectory_errors import absolute_errors, kitti_errors, path_lengths
 
     poses = pair.estimate, pair.truth
-    relative = relative_errors(*poses, delta, unit, all_pairs=all_pairs, times=pair.times)
     kitti = [asdict(one) for one in summarise_kitti(kitti_errors(*poses))]
     return {
         "poses": len(pair.truth),
@@ -134,13 +132,7 @@ def _content(
             "scale": find_alignment(*poses, align).scale,
             **summarise(absolute_errors(*poses, align)),
         },
-        "relative": {
-            "delta": delta,
-            "unit": unit,
-            "pairs": len(relative),
-            "all_pairs": all_pairs,
-            **summarise(relative),
-        },
+        "relative": relative,
         "kitti": {**kitti[0], "by_length": kitti[1:]} if kitti else None,
     }
 

@@ -80,7 +80,7 @@ def test_a_folder_of_scans_with_poses_is_accepted_as_truth(scanlock, tracks):
 @pytest.mark.slow
 def test_a_picture_of_both_trajectories_is_drawn(scanlock, tracks):
     both = tracks / "drift.txt", tracks / "truth.txt"
-    path = tracks / "new" / "both.png"
+    path = tracks / "both.png"
     done = scanlock("evaluate", *both, "--picture", path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert done.out.endswith(f"wrote {path}\n")
