@@ -18,8 +18,9 @@ from scanlock.io.poses import (
     write_tum_poses,
 )
 from scanlock.io.scan_file import ScanFile
+from scanlock.io.scan_sequence import ScanSequence
 from scanlock.io.scans import read_scan, write_scan
-from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+from scanlock.io.sequences import open_sequence, read_trajectory
 
 __all__ = [
     "FORMATS",

@@ -14,7 +14,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.datasets.kitti import read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+from scanlock.io.scan_sequence import ScanSequence
+from scanlock.io.sequences import open_sequence, read_trajectory
 
 SCAN_TABLE = "scans.csv"
 """Name of the file with number, name and time of each row, in the folder of a trajectory."""

@@ -78,15 +78,15 @@ def trajectory_figure(
     label = "true path length [m]" if times is None else "time [s]"
     for column, (name, one) in enumerate(drawn.items(), start=1):
         upper, lower = (figure.add_subplot(grid[row, column]) for row in range(2))
-        style = {"color": BLUE, "marker": ".", "markersize": 3.0, "linewidth": 0.0}
-        style = style if one is relative else {"color": VERMILION, "linewidth": 1.2}
-        upper.plot(along[one.last], one.translations, **style)
-        lower.plot(along[one.last], np.degrees(one.rotations), **style)
+        for axes, values in ((upper, one.translations), (lower, np.degrees(one.rotations))):
+            if one is relative:
+                axes.plot(along[one.last], values, color=BLUE, marker=".", ms=3, linewidth=0)
+            else:
+                axes.plot(along[one.last], values, color=VERMILION, linewidth=1.2)
+            axes.set_ylim(bottom=0.0)
         upper.set_title(name, fontsize=9, color=INK)
         _format(upper, "", "translation [m]")
         _format(lower, label, "rotation [deg]")
-        for axes in (upper, lower):
-            axes.set_ylim(bottom=0.0)
     return figure
 
 
@@ -99,8 +99,9 @@ def _draw_paths(
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
     across, up = _view_axes(true)
-    true_path = {"color": _TRUE_COLOUR, "linewidth": _TRUE_WIDTH, "label": "truth"}
-    axes.plot(true[:, across], true[:, up], **true_path)
+    axes.plot(
+        true[:, across], true[:, up], color=_TRUE_COLOUR, linewidth=_TRUE_WIDTH, label="truth"
+    )
     part = colormaps[_COLOURS](np.linspace(*_COLOUR_RANGE, 256))
     colours = LinearSegmentedColormap.from_list("visible", part.tolist())
     path = estimated[:, (across, up)]
