@@ -107,6 +107,8 @@ def relative_errors(
                 "times must be given for a delta in seconds, one per pose; use scans or m"
             )
         steps = np.diff(times)
+        if np.any(steps < 0.0):
+            raise InvalidInput("times must ascend for a delta in seconds; sort the poses by time")
     else:
         steps = _steps(truth)[1:] if unit == "m" else np.ones(len(truth) - 1)
     first, last = pose_pairs(steps, delta, unit, all_pairs=all_pairs)

@@ -10,6 +10,7 @@ from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import (
     read_kitti_poses,
+    read_numbered_poses,
     read_pose,
     read_pose_matrix,
     read_tum_poses,
@@ -33,6 +34,7 @@ __all__ = [
     "open_sequence",
     "read_kitti_poses",
     "read_labels",
+    "read_numbered_poses",
     "read_pose",
     "read_pose_matrix",
     "read_scan",

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scanlock.arrays import Matrix, Vector
+from scanlock.arrays import Labels, Matrix, Vector
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import quaternion_from_rotation
@@ -113,6 +113,39 @@ def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
     path = Path(path)
     lines, rows = _rows(path, 12)
     return [_pose(path, f"line {line}", row) for line, row in zip(lines, rows, strict=True)]
+
+
+def read_numbered_poses(path: str | os.PathLike[str]) -> tuple[Labels, list[Pose]]:
+    """Read a trajectory of numbered scans, as KITTI-360 has it: number and 3x4 matrix per line.
+
+    Parameters
+    ----------
+    path : path-like
+        Text file.
+
+    Returns
+    -------
+    numbers : (n,)
+        Number of each scan, from 0.
+    poses : list of Pose
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError
+        A line that is not a number and a pose; the message gives its number.
+    """
+    path = Path(path)
+    lines, rows = _rows(path, 13)
+    for line, number in zip(lines, rows[:, 0].tolist(), strict=True):
+        if not (number >= 0.0 and number.is_integer()):
+            raise malformed(
+                path, f"line {line}", expected="the number of a scan", found=f"{number:g}",
+                remedy=_REMEDY,
+            )  # fmt: skip
+    poses = [_pose(path, f"line {line}", row[1:]) for line, row in zip(lines, rows, strict=True)]
+    return rows[:, 0].astype(np.int64), poses
 
 
 def write_kitti_poses(path: str | os.PathLike[str], poses: Sequence[Pose]) -> None:

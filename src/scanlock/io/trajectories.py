@@ -14,6 +14,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.datasets.kitti import read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
+from scanlock.io.poses import read_numbered_poses
 from scanlock.io.scan_sequence import ScanSequence
 from scanlock.io.sequences import open_sequence, read_trajectory
 
@@ -38,9 +39,7 @@ class Trajectory:
     numbers : (n,) or None
         Number of each scan: its row in the data set, or in the folder of all scans.
     camera_from_laser : Pose or None
-        Calibration of a KITTI odometry sequence, whose poses are those of the camera.
-    is_file : bool
-        False for the poses of a folder of scans, which are in the frame of the scans.
+        Calibration of a KITTI odometry sequence, whose files of poses are those of the camera.
     """
 
     path: Path
@@ -48,7 +47,6 @@ class Trajectory:
     times: Vector | None = None
     numbers: Labels | None = None
     camera_from_laser: Pose | None = None
-    is_file: bool = True
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -69,9 +67,11 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     Parameters
     ----------
     path : path-like
-        A file in KITTI or TUM format, or a folder of scans with poses. Beside a file these are
-        used: ``scans.csv`` of ``scanlock map``, ``times.txt``, and for ``poses/NN.txt`` of KITTI
-        ``../sequences/NN/times.txt`` and ``calib.txt``; each only with a row for each pose.
+        A file in KITTI or TUM format, in KITTI format with the number of the scan before each row
+        as in KITTI-360, or a folder of scans with poses. Beside a KITTI or TUM file these are
+        used, each only with a row for each pose: ``scans.csv`` of ``scanlock map``, ``times.txt``,
+        and for ``poses/NN.txt`` of KITTI ``../sequences/NN/times.txt``; ``calib.txt`` there gives
+        the calibration.
 
     Returns
     -------
@@ -87,8 +87,9 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     path = Path(path)
     if path.is_dir():
         return _of_folder(path, open_sequence(path))
-    times, poses = read_trajectory(path)
-    found = Trajectory(path=path, poses=poses, times=times)
+    found = _of_file(path)
+    if found.numbers is not None:
+        return found
     table = path.parent / SCAN_TABLE
     if table.exists():
         return _with_scans(found, *_read_scan_table(table))
@@ -127,6 +128,18 @@ def write_scan_table(path: str | os.PathLike[str], sequence: ScanSequence, count
         handle.write(text.getvalue().encode())
 
 
+def _of_file(path: Path) -> Trajectory:
+    try:
+        times, poses = read_trajectory(path)
+    except FormatError as error:
+        try:
+            numbers, poses = read_numbered_poses(path)
+        except FormatError:
+            raise error from None
+        return Trajectory(path=path, poses=poses, numbers=numbers)
+    return Trajectory(path=path, poses=poses, times=times)
+
+
 def _of_folder(path: Path, sequence: ScanSequence) -> Trajectory:
     if not sequence.poses:
         reason = sequence.missing_poses or "name a file of poses"
@@ -134,7 +147,10 @@ def _of_folder(path: Path, sequence: ScanSequence) -> Trajectory:
             f"{path}: expected a folder of scans with their poses, found none "
             f"({sequence.title}): {reason}"
         )
-    found = Trajectory(path=path, poses=list(sequence.poses), is_file=False)
+    found = Trajectory(path=path, poses=list(sequence.poses))
+    calibration = path / "calib.txt"
+    if (path / "velodyne").is_dir() and calibration.exists():
+        found = replace(found, camera_from_laser=read_kitti_calibration(calibration))
     return _with_scans(found, sequence.numbers, sequence.times)
 
 

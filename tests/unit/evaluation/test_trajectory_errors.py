@@ -165,3 +165,5 @@ def test_motions_of_a_fixed_time_need_times_and_follow_them():
     assert list(zip(found.first, found.last, strict=True)) == [(0, 1), (1, 3), (3, 4)]
     with pytest.raises(InvalidInput, match="times must be given for a delta in seconds"):
         relative_errors(truth, truth, 1.0, "s")
+    with pytest.raises(InvalidInput, match="times must ascend"):
+        relative_errors(truth, truth, 1.0, "s", times=times[::-1])

@@ -3,7 +3,13 @@ import pytest
 
 from reference.samples import yaw_pose
 from scanlock.errors import FormatError
-from scanlock.io import open_sequence, write_kitti_poses, write_scan, write_tum_poses
+from scanlock.io import (
+    open_sequence,
+    read_numbered_poses,
+    write_kitti_poses,
+    write_scan,
+    write_tum_poses,
+)
 from scanlock.io.trajectories import open_trajectory, write_scan_table
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(6)]
@@ -76,3 +82,29 @@ def test_a_folder_without_poses_is_refused_with_the_reason(tmp_path):
     _drive(tmp_path / "plain")
     with pytest.raises(FormatError, match=r"found none \(folder of scans\): name a file of poses"):
         open_trajectory(tmp_path / "plain")
+
+
+def test_rows_may_begin_with_the_number_of_the_scan(tmp_path):
+    path = tmp_path / "poses.txt"
+    write_kitti_poses(path, _POSES[:2])
+    first, second = path.read_text().splitlines()
+    path.write_text(f"4 {first}\n11 {second}\n")
+    found = open_trajectory(path)
+    np.testing.assert_array_equal(found.numbers, [4, 11])
+    assert found.poses[1].is_close(_POSES[1], translation=1e-12, rotation=1e-7)
+    path.write_text(f"4.5 {first}\n11 {second}\n")
+    with pytest.raises(FormatError, match=r"line 1: expected the number of a scan, found 4\.5"):
+        read_numbered_poses(path)
+    with pytest.raises(FormatError):
+        open_trajectory(path)
+
+
+def test_the_calibration_of_a_folder_is_known(tmp_path):
+    folder = tmp_path / "sequences" / "07"
+    _drive(folder / "velodyne")
+    (tmp_path / "poses").mkdir()
+    write_kitti_poses(tmp_path / "poses" / "07.txt", _POSES)
+    (folder / "calib.txt").write_text("Tr: 0 -1 0 0 0 0 -1 0 1 0 0 -0.3\n")
+    found = open_trajectory(folder)
+    np.testing.assert_array_equal(found.numbers, np.arange(6))
+    np.testing.assert_allclose(found.camera_from_laser.translation, [0.0, 0.0, -0.3])

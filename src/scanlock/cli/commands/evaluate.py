@@ -169,10 +169,12 @@ def _show(content: dict[str, Any]) -> None:
     if kitti is None:
         print_line("KITTI errors need a path of more than 100 m")
         return
+    longest = kitti["by_length"][-1]["length_m"]
+    lengths = "100 m" if longest == 100.0 else f"100 to {longest:.0f} m"
     print_line(
         f"KITTI: {kitti['translation_percent']:.4f} % and "
         f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['segments']} segments of "
-        f"100 to {kitti['by_length'][-1]['length_m']:.0f} m"
+        f"{lengths}"
     )
 
 
