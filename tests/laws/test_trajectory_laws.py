@@ -10,7 +10,7 @@ from scanlock.evaluation.alignment import Similarity, find_alignment, positions
 from scanlock.evaluation.pose_pairs import pose_pairs
 from scanlock.evaluation.sensor_axes import CAMERA_FROM_LASER, compare_axes, in_other_frame
 from scanlock.evaluation.trajectory_errors import absolute_errors, kitti_errors, relative_errors
-from scanlock.evaluation.trajectory_matching import match_numbers, match_times
+from scanlock.evaluation.trajectory_matching import match_equal, match_times
 from scanlock.geometry.pose import Pose
 
 pytestmark = pytest.mark.slow
@@ -132,7 +132,7 @@ def test_matches_are_close_in_order_and_unique(here, there, limit):
 
 
 @given(st.permutations(range(12)), st.permutations(range(4, 20)))
-def test_equal_numbers_are_matched_in_order(here, there):
-    rows, others = match_numbers(np.array(here), np.array(there))
-    np.testing.assert_array_equal(np.array(here)[rows], np.arange(4, 12))
-    np.testing.assert_array_equal(np.array(there)[others], np.arange(4, 12))
+def test_equal_numbers_are_matched_in_the_order_of_the_first(here, there):
+    rows, others = match_equal(here, there)
+    assert [here[row] for row in rows] == [there[row] for row in others]
+    assert [here[row] for row in rows] == [number for number in here if number >= 4]

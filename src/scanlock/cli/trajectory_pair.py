@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
     from scanlock.io.trajectories import Trajectory
 
+MatchedBy = Literal["time", "scan name", "scan number", "row"]
+"""Property by which the rows of two trajectories are matched, the first that both have."""
+
 Axes = Literal["auto", "same", "camera"]
 """Frame of the true poses: recognised, that of the estimate, or KITTI's camera."""
 
@@ -26,7 +29,7 @@ class TrajectoryPair:
         World from sensor.
     times : (n,) [s] or None
     matched_by : str
-        "time", "scan number" or "row".
+        See `MatchedBy`.
     counts : (int, int)
         Number of poses of both before matching.
     frame : str
@@ -39,7 +42,7 @@ class TrajectoryPair:
     estimate: "list[Pose]"
     truth: "list[Pose]"
     times: "Vector | None"
-    matched_by: Literal["time", "scan number", "row"]
+    matched_by: MatchedBy
     counts: tuple[int, int]
     frame: str = "same"
     notes: tuple[str, ...] = ()
@@ -77,16 +80,20 @@ def pair_trajectories(
 
 def _matching_rows(
     estimate: "Trajectory", truth: "Trajectory", first: int | None
-) -> "tuple[Literal['time', 'scan number', 'row'], tuple[Labels, Labels]]":
+) -> "tuple[MatchedBy, tuple[Labels, Labels]]":
     import numpy as np
 
-    from scanlock.evaluation.trajectory_matching import match_numbers, match_times
+    from scanlock.evaluation.trajectory_matching import match_equal, match_times
 
     if estimate.times is not None and truth.times is not None:
         matched = match_times(estimate.times, truth.times)
         if len(matched[0]) == 0:
             raise InvalidInput(_no_time_in_common(estimate, truth))
         return "time", matched
+    if estimate.names is not None and truth.names is not None:
+        matched = match_equal(estimate.names, truth.names)
+        if len(matched[0]) > 0:
+            return "scan name", matched
     if estimate.numbers is not None or truth.numbers is not None:
         here, there = (
             np.arange(len(one)) if one.numbers is None else one.numbers for one in (estimate, truth)
@@ -94,7 +101,7 @@ def _matching_rows(
         # Rows of a file without numbers are numbered only if it has a row for each number.
         whole = here.max() < len(truth) if truth.numbers is None else there.max() < len(estimate)
         both = estimate.numbers is not None and truth.numbers is not None
-        matched = match_numbers(here, there)
+        matched = match_equal(here.tolist(), there.tolist())
         if len(matched[0]) > 0 and (both or whole):
             return "scan number", matched
     counts = len(estimate), len(truth)

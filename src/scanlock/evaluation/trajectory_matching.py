@@ -1,4 +1,6 @@
-"""Matching of the rows of two trajectories by time or by the number of the scan."""
+"""Matching of the rows of two trajectories by time, or by the number or name of the scan."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,7 +43,10 @@ def match_times(here: Vector, there: Vector, max_difference: float = MAX_TIME_DI
     return rows, nearest[rows]
 
 
-def match_numbers(here: Labels, there: Labels) -> Rows:
-    """Return the rows of equal scan numbers, in order of the number; each number once."""
-    _, first, second = np.intersect1d(here, there, return_indices=True)
-    return first.astype(np.int64), second.astype(np.int64)
+def match_equal(here: Sequence[object], there: Sequence[object]) -> Rows:
+    """Return the rows of equal numbers or names, in the order of the first; each once."""
+    row_of = {value: row for row, value in reversed(list(enumerate(there)))}
+    rows = {value: row for row, value in reversed(list(enumerate(here))) if value in row_of}
+    first = sorted(rows.values())
+    second = [row_of[here[row]] for row in first]
+    return np.array(first, np.int64), np.array(second, np.int64)

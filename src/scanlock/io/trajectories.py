@@ -38,6 +38,8 @@ class Trajectory:
         Time of each pose.
     numbers : (n,) or None
         Number of each scan: its row in the data set, or in the folder of all scans.
+    names : tuple of n str or None
+        Name of each scan.
     camera_from_laser : Pose or None
         Calibration of a KITTI odometry sequence, whose files of poses are those of the camera.
     """
@@ -46,19 +48,11 @@ class Trajectory:
     poses: list[Pose]
     times: Vector | None = None
     numbers: Labels | None = None
+    names: tuple[str, ...] | None = None
     camera_from_laser: Pose | None = None
 
     def __len__(self) -> int:
         return len(self.poses)
-
-    def first(self, count: int) -> "Trajectory":
-        """Return the first rows."""
-        return replace(
-            self,
-            poses=self.poses[:count],
-            times=None if self.times is None else self.times[:count],
-            numbers=None if self.numbers is None else self.numbers[:count],
-        )
 
 
 def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
@@ -92,7 +86,7 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
         return found
     table = path.parent / SCAN_TABLE
     if table.exists():
-        return _with_scans(found, *_read_scan_table(table))
+        return _with_scans(found, _read_scan_table(table))
     # The absolute path names the folders even for a bare file name; links are not resolved.
     absolute = Path(os.path.abspath(path))
     sequence = absolute.parent.parent / "sequences" / absolute.stem
@@ -151,31 +145,39 @@ def _of_folder(path: Path, sequence: ScanSequence) -> Trajectory:
     calibration = path / "calib.txt"
     if (path / "velodyne").is_dir() and calibration.exists():
         found = replace(found, camera_from_laser=read_kitti_calibration(calibration))
-    return _with_scans(found, sequence.numbers, sequence.times)
+    scans = _ScanTable(sequence.numbers, sequence.names, sequence.times)
+    return _with_scans(found, scans)
 
 
-def _with_scans(found: Trajectory, numbers: Labels, times: Vector) -> Trajectory:
-    """Return the trajectory with scan numbers and times; times that count the scans are none."""
-    if len(numbers) != len(found):
+@dataclass(frozen=True, slots=True, eq=False)
+class _ScanTable:
+    numbers: Labels
+    names: tuple[str, ...]
+    times: Vector
+
+
+def _with_scans(found: Trajectory, scans: _ScanTable) -> Trajectory:
+    """Return the trajectory with numbers, names and times; times that count scans are none."""
+    if len(scans.numbers) != len(found):
         return found
-    if np.array_equal(times, numbers):
-        return replace(found, numbers=numbers, times=None)
-    return replace(found, numbers=numbers, times=times)
+    times = None if np.array_equal(scans.times, scans.numbers) else scans.times
+    return replace(found, numbers=scans.numbers, names=scans.names, times=times)
 
 
 def _with_times(found: Trajectory, times: Vector) -> Trajectory:
     return replace(found, times=times) if len(times) == len(found) else found
 
 
-def _read_scan_table(path: Path) -> tuple[Labels, Vector]:
+def _read_scan_table(path: Path) -> _ScanTable:
     with path.open(newline="", encoding="utf-8") as handle:
         rows = list(csv.DictReader(handle))
     try:
         numbers = np.array([int(row["number"]) for row in rows], np.int64)
         times = np.array([float(row["time"]) for row in rows], np.float64)
+        names = tuple(row["name"] for row in rows)
     except (KeyError, TypeError, ValueError) as error:
         raise malformed(
-            path, "data", expected="columns number and time", found=str(error),
+            path, "data", expected="columns number, name and time", found=str(error),
             remedy="map the scans again, or remove this file",
         ) from error  # fmt: skip
-    return numbers, times
+    return _ScanTable(numbers, names, times)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from scanlock.evaluation.trajectory_matching import match_numbers, match_times
+from scanlock.evaluation.trajectory_matching import match_equal, match_times
 
 
 def test_each_row_matches_the_nearest_time_once():
@@ -26,7 +26,13 @@ def test_the_limit_of_the_difference_is_respected():
     assert len(match_times(np.array([0.0]), np.array([0.2]), 0.3)[0]) == 1
 
 
-def test_equal_numbers_match():
-    rows, others = match_numbers(np.array([0, 10, 20, 30]), np.array([30, 5, 10]))
-    assert rows.tolist() == [1, 3]
+def test_equal_numbers_match_in_the_order_of_the_first():
+    rows, others = match_equal([30, 0, 10, 20], [10, 5, 30])
+    assert rows.tolist() == [0, 2]
     assert others.tolist() == [2, 0]
+
+
+def test_repeated_names_match_once():
+    rows, others = match_equal(["a", "b", "a"], ["b", "a", "b"])
+    assert rows.tolist() == [0, 1]
+    assert others.tolist() == [1, 0]

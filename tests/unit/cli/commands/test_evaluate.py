@@ -163,6 +163,18 @@ def test_scans_are_matched_by_the_table_beside_the_trajectory(scanlock, tracks):
     assert "has 9 poses and" in done.err
 
 
+def test_scans_of_two_folders_are_matched_by_name(scanlock, tracks):
+    for name, rows in {"out": [3, 7, 9, 20], "other": [7, 9, 11, 20, 25]}.items():
+        (tracks / name).mkdir()
+        write_kitti_poses(tracks / name / "t.txt", [_BEND[row] for row in rows])
+        # Numbers count the scans of each folder, so only the names agree.
+        table = "".join(f"{k},scan{row},{float(k)}\n" for k, row in enumerate(rows))
+        (tracks / name / "scans.csv").write_text("number,name,time\n" + table)
+    found = _evaluated(scanlock, tracks / "out" / "t.txt", tracks / "other" / "t.txt")
+    assert (found["matched_by"], found["poses"]) == ("scan name", 3)
+    assert found["absolute"]["translation_m"]["largest"] < 1e-9
+
+
 def test_the_first_rows_are_compared_on_request(scanlock, tracks):
     write_kitti_poses(tracks / "some.txt", _ESTIMATE[:40])
     found = _evaluated(scanlock, tracks / "some.txt", tracks / "truth.txt", "--first", 30)
