@@ -158,10 +158,15 @@ class _ScanTable:
 
 def _with_scans(found: Trajectory, scans: _ScanTable) -> Trajectory:
     """Return the trajectory with numbers, names and times; times that count scans are none."""
-    if len(scans.numbers) != len(found):
+    count = len(found)
+    # A kill may leave the table one scan ahead of the poses, which are written after it.
+    if len(scans.numbers) not in (count, count + 1):
         return found
-    times = None if np.array_equal(scans.times, scans.numbers) else scans.times
-    return replace(found, numbers=scans.numbers, names=scans.names, times=times)
+    numbers, times = scans.numbers[:count], scans.times[:count]
+    counted = np.array_equal(times, numbers)
+    return replace(
+        found, numbers=numbers, names=scans.names[:count], times=None if counted else times
+    )
 
 
 def _with_times(found: Trajectory, times: Vector) -> Trajectory:

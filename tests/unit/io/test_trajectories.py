@@ -37,6 +37,9 @@ def test_the_table_of_scans_gives_numbers_and_times(tmp_path):
     np.testing.assert_array_equal(found.numbers, [0, 2, 4])
     np.testing.assert_array_equal(found.times, sequence.times)
     assert found.names == ("000000", "000002", "000004")
+    # A kill may leave the table one scan ahead.
+    write_kitti_poses(tmp_path / "trajectory_kitti.txt", _POSES[:2])
+    assert open_trajectory(tmp_path / "trajectory_kitti.txt").names == ("000000", "000002")
     # A file with another number of poses is another trajectory.
     write_kitti_poses(tmp_path / "other.txt", _POSES)
     assert open_trajectory(tmp_path / "other.txt").numbers is None

@@ -210,9 +210,9 @@ class _Drive:
         from scanlock.io.trajectories import SCAN_TABLE, write_scan_table
 
         times = self._sequence.times[: len(self._poses)]
+        write_scan_table(output / SCAN_TABLE, self._sequence, len(self._poses))
         write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
         write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
-        write_scan_table(output / SCAN_TABLE, self._sequence, len(self._poses))
         with atomic_file(output / "pairs.csv") as handle:
             table = io.StringIO()
             csv.writer(table, lineterminator="\n").writerows([_HEADS, *self._rows])
