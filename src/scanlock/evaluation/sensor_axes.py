@@ -105,10 +105,10 @@ def _relation(
     if moved.at(same) > _CONTRADICTS and (not is_determined or turned.at(same) > _CONTRADICTS):
         return "same"
     for axes, camera in _CAMERA_RELATIONS:
-        if moved.at(axes) > _AGREES and not is_determined:
-            return "unclear"
         if moved.at(axes) > _AGREES and turned.at(axes) > _AGREES:
             return camera if rotation_angle(axes.T @ best) < _MAX_ANGLE else "rotated"
+        if moved.at(axes) > _AGREES and not is_determined:
+            return "unclear"
     if is_determined and moved.at(best) > _AGREES and turned.at(best) > _AGREES:
         return "rotated"
     return "same"

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from scanlock.arrays import Points, Vector
-from scanlock.errors import FormatError
 from scanlock.geometry.pose import Pose
 from scanlock.io.datasets.ford import read_ford_scan
 from scanlock.io.datasets.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.poses import read_kitti_poses, read_tum_poses
 from scanlock.io.scan_folders import natural_order, require_folder, scan_files
 from scanlock.io.scan_sequence import Loader, ScanSequence
 from scanlock.io.scans import read_scan
+from scanlock.io.trajectory_files import read_kitti_poses, read_trajectory, read_tum_poses
 
 
 def open_sequence(
@@ -68,37 +67,6 @@ def open_sequence(
         sequence = _with_poses(sequence, read_trajectory(poses)[1], Path(poses))
     sequence = sequence.subsampled(every, count)
     return _with_ford_metadata(sequence) if ford else sequence
-
-
-def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
-    """Read a trajectory in KITTI or TUM format.
-
-    Parameters
-    ----------
-    path : path-like
-        Text file.
-
-    Returns
-    -------
-    times : (n,) [s] or None
-        None for KITTI, whose files have no times.
-    poses : list of Pose
-
-    Raises
-    ------
-    FileNotFoundError
-        The file does not exist.
-    FormatError
-        A file in neither format.
-    """
-    path = Path(path)
-    try:
-        return None, read_kitti_poses(path)
-    except FormatError as kitti:
-        try:
-            return read_tum_poses(path)
-        except FormatError:
-            raise kitti from None
 
 
 def _sequence(

@@ -7,7 +7,8 @@ from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
 from scanlock.io.datasets.ford import VEHICLE_FROM_LASER, read_ford_scan
-from scanlock.io.sequences import open_sequence, read_trajectory
+from scanlock.io.sequences import open_sequence
+from scanlock.io.trajectory_files import read_trajectory
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
 

@@ -7,7 +7,8 @@ from typing import BinaryIO
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.io.formats.float32_bin import read_bin, write_bin
-from scanlock.io.formats.las import read_las, write_las
+from scanlock.io.formats.las.read import read_las
+from scanlock.io.formats.las.write import write_las
 from scanlock.io.formats.npy import read_npy, read_npz, write_npy, write_npz
 from scanlock.io.formats.pcd import read_pcd, write_pcd
 from scanlock.io.formats.ply import read_ply, write_ply
