@@ -36,6 +36,7 @@ def trajectory_figure(
     *,
     alignment: Alignment = "first",
     relative: TrajectoryErrors | None = None,
+    apart: str = "",
     times: Vector | None = None,
     title: str = "",
 ) -> "Figure":
@@ -51,6 +52,8 @@ def trajectory_figure(
         Alignment of the trajectories; see `absolute_errors`.
     relative : TrajectoryErrors, optional
         Errors of motions, drawn as points at the ends of the motions.
+    apart : str
+        Distance of the poses of `relative`, for its title: ``"100 m"``.
     times : (n,) [s], optional
         Times for the horizontal axis of the errors; the length of the true path by default.
     title : str
@@ -66,7 +69,7 @@ def trajectory_figure(
     errors = absolute_errors(estimate, truth, alignment)
     drawn = {"absolute error (APE)": errors}
     if relative is not None:
-        drawn["relative error (RPE)"] = relative
+        drawn[f"relative error{f' over {apart}' if apart else ''} (RPE)"] = relative
     figure = blank_figure(7.0 + 3.6 * len(drawn), 5.6)
     if title:
         figure.suptitle(title, fontsize=12, color=INK)

@@ -62,9 +62,10 @@ def test_errors_are_drawn_along_the_true_path(alignment):
 def test_relative_errors_are_drawn_at_the_ends_of_the_motions_over_time():
     times = 100.0 + 0.5 * np.arange(40)
     relative = relative_errors(ESTIMATE, TRUTH, 3)
-    figure = trajectory_figure(ESTIMATE, TRUTH, relative=relative, times=times)
+    figure = trajectory_figure(ESTIMATE, TRUTH, relative=relative, apart="3 scans", times=times)
     _, upper, _, (translation, rotation) = _axes(figure)
     np.testing.assert_allclose(_curve(upper)[:, 0], 0.5 * np.arange(40))
+    assert translation.get_title() == "relative error over 3 scans (RPE)"
     np.testing.assert_allclose(_curve(translation)[:, 0], 0.5 * relative.last)
     np.testing.assert_allclose(_curve(rotation)[:, 1], np.degrees(relative.rotations))
 

@@ -48,7 +48,7 @@ def evaluate(
         The estimated trajectory, KITTI or TUM format.
     truth : Path
         The true trajectory, or a folder of scans with poses. Matched by time if both have times,
-        else by scan number, else by row.
+        else by the names or numbers of the scans, else by row.
     align : str
         Alignment before absolute errors: none, the first poses, all positions, or all positions
         with a scale.
@@ -96,6 +96,7 @@ def evaluate(
             *poses,
             alignment=align,
             relative=motions,
+            apart=_apart(relative),
             times=pair.times if unit == "s" else None,
             title=f"{estimate.name} and {truth.name}",
         )
@@ -157,8 +158,7 @@ def _show(content: dict[str, Any]) -> None:
     facts.extend(("note", text) for text in content["notes"])
     facts.extend(("warning", text) for text in content["warnings"])
     print_facts(facts)
-    apart = "1 scan" if _is_next(relative) else f"{relative['delta']:g} {relative['unit']}"
-    names = {"absolute": "absolute (APE)", "relative": f"relative over {apart} (RPE)"}
+    names = {"absolute": "absolute (APE)", "relative": f"relative over {_apart(relative)} (RPE)"}
     rows = [
         (f"{name} [{unit}]", *(f"{content[key][quantity][part]:.4f}" for part in _SHOWN))
         for key, name in names.items()
@@ -178,5 +178,7 @@ def _show(content: dict[str, Any]) -> None:
     )
 
 
-def _is_next(relative: dict[str, Any]) -> bool:
-    return relative["unit"] == "scans" and relative["delta"] == 1.0
+def _apart(relative: dict[str, Any]) -> str:
+    """Return the distance of the poses of relative errors with its unit."""
+    is_next = relative["unit"] == "scans" and relative["delta"] == 1.0
+    return "1 scan" if is_next else f"{relative['delta']:g} {relative['unit']}"
