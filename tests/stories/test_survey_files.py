@@ -58,6 +58,11 @@ def test_a_pair_in_feet_is_registered_and_written_in_feet(pair, tmp_path, capsys
         capsys, "register", source, target, "--json", "--aligned", tmp_path / "moved.laz"
     )
     assert code == 0
+    notes = json.loads(out)["notes"]
+    assert any(
+        note.startswith("source: converted to metres") and note.endswith("the pose is in metres")
+        for note in notes
+    )
     # Metres at the centroid, not feet.
     shift = json.loads(out)["centroid_shift_m"]
     expected = (street(2) - _MOTION.inverse().apply(street(2))).mean(axis=0)

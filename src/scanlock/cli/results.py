@@ -1,7 +1,7 @@
 """Printed form of a registration result."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from scanlock.cli.console import Facts, print_facts, print_line, print_status, print_table
@@ -19,6 +19,7 @@ def show_registration(
     first_stage: tuple[str, float],
     compiled: bool,
     truth: "Pose | None" = None,
+    remarks: Sequence[str] = (),
     verbose: bool = False,
 ) -> None:
     """Print a result: status, accuracy and pose first; metrics, times and notes if verbose.
@@ -34,6 +35,8 @@ def show_registration(
         Whether kernels were compiled in between.
     truth : Pose, optional
         The true pose, if known.
+    remarks : sequence of str
+        Further notes, always printed.
     verbose : bool
         Whether to print metrics, candidates, times and the notes on the scans.
     """
@@ -49,7 +52,7 @@ def show_registration(
         rows += [row for row in result.detail_rows() if result.ok or row[0] != "reason"]
         rows += _local_pose(result)
     rows.append(("time", _time(result.timings, first_stage, compiled, verbose)))
-    rows.extend(("note", note) for note in _notes(result, verbose))
+    rows.extend(("note", note) for note in [*remarks, *_notes(result, verbose)])
     print_status(result.status.value.replace("_", " "), "source onto target", good=result.ok)
     print_facts(rows)
     for text in matrix:

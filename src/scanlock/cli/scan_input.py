@@ -47,6 +47,28 @@ class LoadedScan:
         text = f"{self.path}, {len(self.points):,} points"
         return f"{text}, {self.blanks:,} of them blank (0, 0, 0)" if self.blanks else text
 
+    @property
+    def is_in_other_units(self) -> bool:
+        """Whether the coordinates of the file are not in metres."""
+        return self.file.metres_per_unit != (1.0, 1.0, 1.0)
+
+
+def system_notes(source: LoadedScan, target: LoadedScan) -> list[str]:
+    """Return notes on units and coordinate systems that a user must know of."""
+    notes = [
+        f"{role}: {note}; the pose is in metres"
+        for role, scan in (("source", source), ("target", target))
+        if scan.is_in_other_units
+        for note in scan.file.notes
+        if "metres" in note or "units of" in note
+    ]
+    systems = [scan.file.crs for scan in (source, target)]
+    codes = {crs.epsg for crs in systems if crs is not None and crs.epsg is not None}
+    if len(codes) == 2:
+        labels = " and ".join(crs.label for crs in systems if crs is not None)
+        notes.append(f"the scans have different coordinate systems: {labels}")
+    return notes
+
 
 @Parameter(name="*", group=_GROUP)
 @dataclass(frozen=True, kw_only=True, slots=True)

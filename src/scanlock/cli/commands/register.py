@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
 from scanlock.cli.result_files import ResultFiles
-from scanlock.cli.scan_input import LoadedScan, Reading
+from scanlock.cli.scan_input import LoadedScan, Reading, system_notes
 from scanlock.errors import InvalidInput, require_positive
 
 if TYPE_CHECKING:
@@ -102,7 +102,9 @@ def register(
             covariance=False if covariance == "none" else covariance,
             threads=threads,
         )
+    remarks = system_notes(moving, fixed)
     content = _content(result, moving, fixed, read_time, verbose)
+    content["notes"] = [*remarks, *content["notes"]]
     if json:
         print_json(content)
     else:
@@ -112,6 +114,7 @@ def register(
             fixed.summary(),
             first_stage=("read", read_time),
             compiled=watch.compiled,
+            remarks=remarks,
             verbose=verbose,
         )
         if verbose:
