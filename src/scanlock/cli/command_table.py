@@ -161,11 +161,14 @@ Examples:
     ),
     "settings": Command(
         path="scanlock.cli.commands.settings:settings",
-        help="Print every setting of a method as TOML.",
+        help="Print the settings of a method as TOML.",
         epilogue="""\
 Examples:
   scanlock settings gicp
-  scanlock settings sgc-ndt-p2d -o mine.toml
+  scanlock settings sgc-ndt-p2d --all -o mine.toml
+  scanlock register source.bin target.bin --method gicp --set voxel_size=0.5
+
+register, compare and map take the file with --settings.
 """,
     ),
     "warmup": Command(
