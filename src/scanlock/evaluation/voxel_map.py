@@ -121,18 +121,15 @@ class VoxelMap:
 
 def _by_voxel(keys: Labels, first: _Rows, sums: _Rows) -> tuple[Labels, _Rows, _Rows]:
     """Return the sorted unique keys with the first row and the sum of the rows of each."""
-    if not sums:
-        unique, rows = np.unique(keys, return_index=True)
-        return unique, {name: values[rows] for name, values in first.items()}, {}
-    unique, rows, place = np.unique(keys, return_index=True, return_inverse=True)
-    place = place.ravel()
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    starts = np.flatnonzero(np.diff(ordered, prepend=ordered[:1] - 1))
+    rows = order[starts]
     totals = {
-        name: np.stack(
-            [np.bincount(place, values[:, column], len(unique)) for column in range(2)], axis=1
-        )
+        name: np.add.reduceat(values[order], starts) if len(starts) else values
         for name, values in sums.items()
     }
-    return unique, {name: values[rows] for name, values in first.items()}, totals
+    return ordered[starts], {name: values[rows] for name, values in first.items()}, totals
 
 
 def _concatenated(blocks: list[_Rows]) -> _Rows:
