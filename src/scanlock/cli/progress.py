@@ -95,7 +95,9 @@ def _bar(unit: str) -> "Progress":
             return Text(counts_text(task.completed, task.total, unit, task.speed, remark))
 
     title = TextColumn("{task.description}")
-    return Progress(title, BarColumn(bar_width=14), Counts(), console=screen("stderr"), transient=True)
+    return Progress(
+        title, BarColumn(bar_width=14), Counts(), console=screen("stderr"), transient=True
+    )
 
 
 def _count_nothing(remark: str = "") -> None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from scanlock.arrays import Vector
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import InvalidInput, ScanlockError
+from scanlock.errors import InvalidInput, ScanlockError, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_angle
 from scanlock.optimisation.solvers.solution import Iteration
@@ -20,6 +21,7 @@ from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.status import Status
+from scanlock.threads import using_threads
 
 _Cached = TypeVar("_Cached", PointCloud, PreparedScan)
 
@@ -86,8 +88,8 @@ class StudyRecord:
     notes : tuple of str
         Notes of the result.
     seconds : float [s]
-        Wall time of preparing and registering both scans; NaN for a record that was read from a
-        file. It is ignored when records are compared.
+        Wall time of preparing and registering both scans, without compiling; NaN where it is
+        unknown. It is ignored when records are compared.
     """
 
     task: StudyTask
@@ -141,7 +143,12 @@ class Study:
     starts: StartPlan = field(default_factory=FromIdentity)
     """Initial poses of every pair."""
 
+    threads: int = 1
+    """Maximum number of threads of a registration; records do not depend on it, but their times
+    do."""
+
     def __post_init__(self) -> None:
+        require_count("threads", self.threads)
         for argument, names in (
             ("methods", [*self.methods]),
             ("pairs", [pair.name for pair in self.pairs]),
@@ -163,7 +170,8 @@ class Study:
     ) -> Iterator[StudyRecord]:
         """Register every task and yield its record, in the order of `tasks`.
 
-        Errors of a scan or a registration become records with the status `FAILED`.
+        Errors of a scan or a registration become records with the status `FAILED`. Each method
+        registers its first pair once more before, so that no time includes compiling.
 
         Parameters
         ----------
@@ -188,6 +196,7 @@ class _ScanCache:
 
     def __init__(self, study: Study) -> None:
         self._study = study
+        self._warm: set[str] = set()
         self._clouds: dict[str, PointCloud | ScanlockError] = {}
         self._prepared: dict[tuple[str, str], PreparedScan | ScanlockError] = {}
 
@@ -196,23 +205,38 @@ class _ScanCache:
         self._prepared = {key: data for key, data in self._prepared.items() if key[0] == scan}
 
     def record(self, pair: StudyPair, task: StudyTask) -> StudyRecord:
+        self._warm_up(pair, task)
         try:
             target, source = (self._scan(name, task) for name in (pair.target, pair.source))
             centre = source.cloud.origin
             start = self._study.starts.pose(task.start, pair.name, pair.truth, centre)
-            result = register(source=source, target=target, method=target.method, initial=start)
+            options = {"initial": start, "threads": self._study.threads}
+            result = register(source=source, target=target, method=target.method, **options)
         except ScanlockError as error:
             return StudyRecord(task=task, status=FAILED, reason=str(error), start=None, pose=None)
         preparing = sum(sum(scan.timings.values()) for scan in (target, source))
         seconds = preparing + result.timings["total"]
         return _record_of(task, pair, start, result, centre, seconds)
 
+    def _warm_up(self, pair: StudyPair, task: StudyTask) -> None:
+        """Register the first pair of a method once more, so that its kernels are loaded."""
+        if task.method in self._warm:
+            return
+        self._warm.add(task.method)
+        # An error is raised again by the registration that counts.
+        with suppress(ScanlockError):
+            target, source = (self._cloud(name) for name in (pair.target, pair.source))
+            method = self._study.methods[task.method]
+            start = self._study.starts.pose(task.start, pair.name, pair.truth, source.origin)
+            register(source=source, target=target, method=method, initial=start)
+
     def _scan(self, scan: str, task: StudyTask) -> PreparedScan:
         key = (scan, task.method)
         if key not in self._prepared:
             try:
                 method = self._study.methods[task.method]
-                self._prepared[key] = prepare(self._cloud(scan), method=method)
+                with using_threads(self._study.threads):
+                    self._prepared[key] = prepare(self._cloud(scan), method=method)
             except ScanlockError as error:
                 self._prepared[key] = error
         return _value_or_raise(self._prepared[key])
