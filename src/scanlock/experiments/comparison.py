@@ -241,7 +241,7 @@ def comparison_findings(
     if plan is not None:
         text = (
             "Every pair with a true pose was registered from each distance and angle of the table, "
-            f"{plan.repeats} times each, in random directions "
+            f"{'once' if plan.repeats == 1 else f'{plan.repeats} times'}, in random directions "
             f"({'about the vertical' if plan.axis == 'vertical' else 'about any axis'}, seed "
             f"{plan.seed})."
         )

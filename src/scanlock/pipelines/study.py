@@ -210,8 +210,10 @@ class _ScanCache:
             target, source = (self._scan(name, task) for name in (pair.target, pair.source))
             centre = source.cloud.origin
             start = self._study.starts.pose(task.start, pair.name, pair.truth, centre)
-            options = {"initial": start, "threads": self._study.threads}
-            result = register(source=source, target=target, method=target.method, **options)
+            method, threads = target.method, self._study.threads
+            result = register(
+                source=source, target=target, method=method, initial=start, threads=threads
+            )
         except ScanlockError as error:
             return StudyRecord(task=task, status=FAILED, reason=str(error), start=None, pose=None)
         preparing = sum(sum(scan.timings.values()) for scan in (target, source))
