@@ -207,13 +207,13 @@ class Drive:
 
         require_figures()
         positions = np.array(self.positions) - self._origin
-        untrusted = [index for index in self.unverified if index < len(positions)]
+        unverified = [index for index in self.unverified if index < len(positions)]
         title = f"{len(positions)} scans, {self.length():.0f} m"
         if self.is_on_map:
             east, north, up = self._origin
             title = f"{len(positions)} scans about {east:.0f}, {north:.0f}, {up:.0f} m"
         points = self.map.points.astype(np.float64)
-        save_figure(path, drive_figure(points, positions, untrusted=untrusted, title=title))
+        save_figure(path, drive_figure(points, positions, unverified=unverified, title=title))
 
 
 def read_rows(path: Path) -> list[Row]:
