@@ -93,6 +93,7 @@ Examples:
   scanlock map drive -o drive-map
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
   scanlock map drive -o drive-map --resume
+  scanlock map drive -o icp-map --method icp --set voxel_size=0.3
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or the
 output of scanlock simulate. After an interrupt the map so far is written.
@@ -168,9 +169,9 @@ Examples:
 Examples:
   scanlock settings gicp
   scanlock settings sgc-ndt-p2d --all -o mine.toml
-  scanlock map drive -o drive-map --method gicp --set voxel_size=0.5
 
-register, compare and map take the file with --settings.
+register, compare and map take the file with --settings, and changes of single
+settings as --set voxel_size=0.5.
 """,
     ),
     "warmup": Command(

@@ -24,14 +24,16 @@ class Counter(Protocol):
 
 def progress(items: Iterable[_Item], count: int, title: str, /) -> Iterator[_Item]:
     """Yield items with a progress bar of `count` steps on stderr at a terminal."""
-    with counting(count, title) as counted:
+    with progress_counter(count, title) as counted:
         for item in items:
             yield item
             counted()
 
 
 @contextmanager
-def counting(count: int, title: str, unit: str = "", *, done: int = 0) -> Generator[Counter]:
+def progress_counter(
+    count: int, title: str, unit: str = "", *, done: int = 0
+) -> Generator[Counter]:
     """Show a progress bar on stderr at a terminal, and yield a function to call after each item.
 
     The bar shows, for example, ``95/154 scans, 21 scans/s, 2 unverified, 0:00:03 left``.

@@ -74,12 +74,12 @@ class MapRun:
             Lines to print.
         """
         from scanlock.cli.interrupts import interrupt_delayed
-        from scanlock.cli.progress import counting
+        from scanlock.cli.progress import progress_counter
 
         drive = self._drive
         start = self._restore(known) if known else {}
         begin, done = time.perf_counter(), len(drive.poses)
-        with counting(len(self._sequence), "mapping", "scans", done=done) as counted:
+        with progress_counter(len(self._sequence), "mapping", "scans", done=done) as counted:
             try:
                 for step in self._steps(start):
                     with interrupt_delayed():
