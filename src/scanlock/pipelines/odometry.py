@@ -57,7 +57,7 @@ def odometry(
     method: str | Method[Any] = DEFAULT_METHOD,
     guess: Guess = "velocity",
     dof: DegreesOfFreedom = "xyz+rpy",
-    covariance: CovarianceMethod | CovarianceEstimator | None = None,
+    covariance: bool | CovarianceMethod | CovarianceEstimator = False,
     initial_pose: Pose | None = None,
     initial_motion: Pose | None = None,
     threads: int = 1,
@@ -80,8 +80,9 @@ def odometry(
         does every registration of scans in map coordinates, which already have their places.
     dof : str
         Degrees of freedom of each registration, as for `register`.
-    covariance : str or CovarianceEstimator, optional
-        How to estimate the covariance of each motion, as for `register`.
+    covariance : bool or str or CovarianceEstimator
+        Whether and how to estimate the covariance of each motion, as for `register`; by default
+        not, to save time.
     initial_pose : Pose, optional
         Pose of the first scan, to continue a trajectory; by default the identity.
     initial_motion : Pose, optional

@@ -67,7 +67,7 @@ def map_folder(
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
     unverified: Unverified = "keep",
-    covariance: CovarianceName | None = None,
+    covariance: CovarianceName = "none",
     threads: int = 1,
     verbose: Annotated[Flag, Parameter(name=["--verbose", "-v"])] = False,
     files: MapOutput | None = None,
@@ -97,7 +97,7 @@ def map_folder(
     unverified : str
         Keep the pose of an unverified pair, or stop before its scan.
     covariance : str
-        Also estimate the covariance of each motion, for the table of pairs.
+        Estimate of the covariance of each motion, for the table of pairs.
     threads : int
         Maximum number of threads; the map does not depend on it.
     verbose : bool
@@ -128,7 +128,12 @@ def map_folder(
     _require_format(files.map_format)
     output.mkdir(exist_ok=True)
     drive = Drive(sequence, files.voxel_size, files.map_name, options)
-    keywords = {"method": chosen, "guess": guess, "dof": dof, "covariance": covariance}
+    keywords = {
+        "method": chosen,
+        "guess": guess,
+        "dof": dof,
+        "covariance": False if covariance == "none" else covariance,
+    }
     run = MapRun(drive, sequence, reading, output, threads, keywords)
     with compile_watch():
         run.warm_up()
@@ -145,7 +150,7 @@ def _options(
     dof: str,
     every: int,
     guess: str,
-    covariance: str | None,
+    covariance: str,
     files: MapOutput,
     reading: Reading,
 ) -> Options:

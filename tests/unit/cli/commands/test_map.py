@@ -265,7 +265,7 @@ def test_all_files_but_the_picture_are_written_without_matplotlib(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     done = scanlock("map", drive, "-o", tmp_path / "out", "--scans", "2")
     assert done.code == 0
-    assert 'no picture: figures need Matplotlib; install it with: pip install "scanlock' in done.out
+    assert 'no picture: figures need Matplotlib: pip install "scanlock' in done.out
     names = {path.name for path in (tmp_path / "out").iterdir()}
     tables = {"options.json", "pairs.csv", "scans.csv"}
     assert names == tables | {"map.ply", "trajectory_kitti.txt", "trajectory_tum.txt"}
