@@ -167,6 +167,7 @@ def _options(
         "map_format": files.map_format,
         "format": reading.format,
         "columns": reading.columns,
+        "scale": reading.scale,
     }
 
 
