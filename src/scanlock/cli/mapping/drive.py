@@ -211,7 +211,7 @@ class Drive:
         title = f"{len(positions)} scans, {self.length():.0f} m"
         if self.is_on_map:
             east, north, up = self._origin
-            title = f"{len(positions)} scans about {east:.0f}, {north:.0f}, {up:.0f} m"
+            title = f"{len(positions)} scans, x, y, z from {east:.0f}, {north:.0f}, {up:.0f} m"
         points = self.map.points.astype(np.float64)
         save_figure(path, drive_figure(points, positions, unverified=unverified, title=title))
 
