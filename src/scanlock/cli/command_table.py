@@ -92,6 +92,8 @@ Examples:
 Examples:
   scanlock map drive -o drive-map
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
+  scanlock map drive -o drive-map --resume
+  scanlock map drive -o icp-map --method icp --set voxel_size=0.3
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or the
 output of scanlock simulate. After an interrupt the map so far is written.
@@ -120,7 +122,8 @@ Examples:
   scanlock crispness map.ply
   scanlock crispness icp.ply ndt.ply --voxel-size 0.2
 
-Only maps of the same scans are comparable.
+Only maps of the same scans are comparable. Maps of different numbers of scans are
+refused where they have the field of scanlock map.
 
 {_READING}""",
     ),
@@ -134,7 +137,7 @@ Examples:
   scanlock compare drive --agree --starts 3 --distances 0 2 5 --angles 0 30
 
 Ground truth: the poses in the folder (scanlock simulate, Ford Campus, KITTI
-odometry), if it has some.
+odometry), if it has some. After Ctrl-C the same command continues.
 
 {_READING}""",
     ),
@@ -161,11 +164,14 @@ Examples:
     ),
     "settings": Command(
         path="scanlock.cli.commands.settings:settings",
-        help="Print every setting of a method as TOML.",
+        help="Print the settings of a method as TOML.",
         epilogue="""\
 Examples:
   scanlock settings gicp
-  scanlock settings sgc-ndt-p2d -o mine.toml
+  scanlock settings sgc-ndt-p2d --all -o mine.toml
+
+register, compare and map take the file with --settings, and changes of single
+settings as --set voxel_size=0.5.
 """,
     ),
     "warmup": Command(

@@ -55,6 +55,12 @@ def test_every_line_of_help_fits_80_columns(scanlock, command):
     assert max(map(len, done.out.splitlines())) <= 80
 
 
+def test_an_unknown_command_lists_some_commands(scanlock):
+    done = scanlock("nothing")
+    assert done.code == 1
+    assert ", ...; see `scanlock --help`" in done.err
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_examples_of_help_are_commands_that_parse(command):
     from scanlock.cli.app import build_app

@@ -1,18 +1,20 @@
-"""``scanlock settings``: every setting of a method, to change and to give back."""
+"""``scanlock settings``: print the settings of a method, to change and to use again."""
 
-from scanlock.cli.option_types import MethodName, OutputFile
+from scanlock.cli.option_types import Flag, MethodName, OutputFile
 
 _SEGMENT = "segment"
 """Name of the settings of scanlock segment."""
 
 
-def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
-    """Print every setting of a method as TOML, defaults and all.
+def settings(method: MethodName, /, *, all: Flag = False, output: OutputFile = None) -> None:
+    """Print the settings of a method that are changed most often, as TOML.
 
     Parameters
     ----------
     method : str
-        Which method, or segment for the settings of scanlock segment.
+        Which method, or segment for the settings of scanlock segment, which are always all.
+    all : bool
+        Every setting, defaults and all.
     output : Path
         A file to write instead, ending in .toml; register takes it with --settings.
     """
@@ -21,15 +23,8 @@ def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
     from scanlock.cli.console import print_line
     from scanlock.cli.output import require_ending
     from scanlock.io.atomic import atomic_file
-    from scanlock.registration.registry import named_method
-    from scanlock.registration.settings.file import settings_to_toml
-    from scanlock.registration.settings.text import settings_text
-    from scanlock.segmentation.segmentation import Segmenter
 
-    if method == _SEGMENT:
-        text = settings_text(Segmenter())
-    else:
-        text = settings_to_toml(named_method(method)[1])
+    text = _text(method, all)
     if output is None:
         sys.stdout.write(text)
         return
@@ -37,3 +32,18 @@ def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
     with atomic_file(output) as handle:
         handle.write(text.encode())
     print_line(f"wrote {output}")
+
+
+def _text(method: MethodName, all: bool) -> str:
+    from scanlock.registration.registry import named_method
+    from scanlock.registration.settings.file import settings_to_toml
+    from scanlock.registration.settings.key_settings import key_settings_to_toml
+    from scanlock.registration.settings.text import settings_text
+    from scanlock.segmentation.segmentation import Segmenter
+
+    if method == _SEGMENT:
+        return settings_text(Segmenter())
+    name, chosen = named_method(method)
+    if all:
+        return settings_to_toml(chosen)
+    return f"# All settings: scanlock settings {name} --all\n{key_settings_to_toml(name)}"

@@ -8,6 +8,8 @@ fields, and no other code. Keys that are left out keep their defaults::
     min_deviation = 0.05              # [m]
     [schedule.solver]
     type = "LevenbergMarquardt"       # needed where several classes are allowed
+
+The name of a class stands for a table with its defaults: ``schedule.solver = "Bfgs"``.
 """
 
 import dataclasses
@@ -184,6 +186,19 @@ def settings_from_toml(text: str, source: str = "settings") -> Method[Any]:
     return _settings(content, type(METHODS[name]), METHODS[name], root)
 
 
+def settings_from_table(
+    content: dict[str, Any], method: Method[Any], source: str = "settings"
+) -> Method[Any]:
+    """Return a method with the settings of a TOML table; missing keys keep its own values.
+
+    Raises
+    ------
+    InvalidInput
+        As for `settings_from_toml`.
+    """
+    return _settings(content, type(method), method, _Location(source))
+
+
 @dataclass(frozen=True, slots=True)
 class _Location:
     """Location of a value: the name of the file and the path of keys inside it."""
@@ -249,6 +264,8 @@ def _value(given: Any, allows: Allowed, base: object, location: _Location) -> An
     if isinstance(given, str):
         if given == NONE and allows.is_optional:
             return None
+        if given in {kind.__name__ for kind in allows.classes}:
+            return _value({_CLASS: given}, allows, base, location)
         for members in (kind.__members__ for kind in allows.enums):
             if given in members:
                 return members[given]
