@@ -100,8 +100,8 @@ def require_regular_file(path: Path, kind: str) -> None:
     free = _free_memory()
     if free is not None and status.st_size > free:
         raise FormatError(
-            f"{path}: expected a {kind} file of at most {free / 1e9:.1f} GB, the free memory, found "
-            f"one of {status.st_size / 1e9:.1f} GB; split it, or downsample it with another tool"
+            f"{path}: expected a {kind} file of at most {free / 1e9:.1f} GB, the free memory, "
+            f"found one of {status.st_size / 1e9:.1f} GB; split it with another tool"
         )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scanlock.arrays import Points, frozen
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.io.columns import find_coordinates, unique_names
+from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
 from scanlock.io.errors import malformed
 
 Field = NDArray[Any]
@@ -105,6 +105,9 @@ def scan_from_columns(
     path: Path,
     names: Sequence[str],
     columns: Sequence[Field],
+    *,
+    request: Request = None,
+    named: bool = True,
     **attributes: Any,
 ) -> ScanFile:
     """Build a scan from named columns; x, y and z become the points.
@@ -114,15 +117,21 @@ def scan_from_columns(
     path : Path
         The file, for messages.
     names, columns : sequences of equal length
+    request, named
+        Columns that the caller wants, and whether the names are those of the file; see
+        `scanlock.io.columns.select_columns`.
     **attributes
         Further attributes of `ScanFile`: ``format``, ``notes``, ...
 
     Raises
     ------
     FormatError
-        Names without x, y and z, coordinates that are not scalar numbers, or no row.
+        Names without x, y and z, coordinates that are not scalar numbers, no row, or columns
+        that the file does not have.
     """
-    names = unique_names(names)
+    chosen = select_columns(path, unique_names(names), request, named=named)
+    names = [name for name, _ in chosen]
+    columns = [columns[index] for _, index in chosen]
     axes = find_coordinates(names)
     if axes is None:
         raise malformed(
@@ -130,7 +139,7 @@ def scan_from_columns(
             "header",
             expected="columns named x, y and z",
             found=", ".join(names),
-            remedy="rename them, or pass columns= for a format without names",
+            remedy='say which they are, as in columns="x=easting y=northing z=height"',
         )
     count = len(columns[axes[0]])
     if count == 0:

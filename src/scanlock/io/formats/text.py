@@ -7,7 +7,13 @@ from typing import BinaryIO
 import numpy as np
 
 from scanlock.errors import FormatError, InvalidInput
-from scanlock.io.columns import find_coordinates, numbered_names, require_writable_names
+from scanlock.io.column_order import refuse_other_order
+from scanlock.io.columns import (
+    Request,
+    find_coordinates,
+    numbered_names,
+    require_writable_names,
+)
 from scanlock.io.errors import malformed
 from scanlock.io.numeric_text import (
     SEPARATORS,
@@ -31,13 +37,14 @@ _PREVIEW_LINES = 20
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_text(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read a table with one point per line.
 
     Columns are separated by commas, semicolons, tabs or spaces, whatever the extension. Comments
-    start with ``#``, ``//`` or ``%``. Names of columns come from `columns`, from a first line that
-    is not numeric, or from the last comment before the numbers; by default, the first three
-    columns are x, y and z.
+    start with ``#``, ``//`` or ``%``. Names of columns come from a first line that is not numeric,
+    or from the last comment before the numbers, and `columns` chooses among them; else `columns`
+    names the columns. By default, the first three columns are x, y and z; a table of which the
+    first column looks like times, indices or intensities is refused.
     """
     body, notes = _uncommented(path, data)
     start, end = first_line(body)
@@ -61,13 +68,20 @@ def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) ->
             found=str(rows),
             remedy="the file is cut short; copy or write it again",
         )
-    if names is None and columns is None:
-        _refuse_trajectory(path, table)
     if names is None:
         names = _commented_names(data[:_PREVIEW_BYTES], len(table))
-    final = _final_names(path, names, columns, len(table))
+    if names is None and columns is None:
+        _refuse_trajectory(path, table)
+        refuse_other_order(path, table)
     return scan_from_columns(
-        path, final, table, format="txt", encoding="ascii", notes=(*notes, *guesses)
+        path,
+        _final_names(path, names, columns, len(table)),
+        table,
+        request=columns,
+        named=names is not None,
+        format="txt",
+        encoding="ascii",
+        notes=(*notes, *guesses),
     )
 
 
@@ -165,18 +179,13 @@ def _commented_names(head: bytes, width: int) -> list[str] | None:
 
 
 def _final_names(
-    path: Path, header: list[str] | None, columns: tuple[str, ...] | int | None, width: int
+    path: Path, header: list[str] | None, columns: Request, width: int
 ) -> tuple[str, ...]:
-    requested = len(columns) if isinstance(columns, tuple) else columns
-    if requested is not None and requested != width:
-        raise _column_error(path, f"{requested} columns, as requested", width)
-    if isinstance(columns, tuple):
-        return columns
     if header is not None:
         if len(header) != width:
             raise _column_error(path, f"a number for each of {', '.join(header)}", width)
         return tuple(header)
-    if width < 3:
+    if width < 3 and columns is None:
         raise _column_error(path, "at least three columns", width)
     return numbered_names(width)
 

@@ -198,3 +198,82 @@ def test_fields_that_would_not_read_back_are_not_written(tmp_path, fields, compl
     with pytest.raises(InvalidInput, match=complaint):
         write_scan(tmp_path / "a.csv", np.array(_ROWS), fields)
     assert not (tmp_path / "a.csv").exists()
+
+
+def test_columns_with_names_are_chosen_and_renamed(save):
+    path = save("a.csv", "id,Easting,Northing,Height (m),Refl\n7,1,2,3,.5\n8,4,5,6,.75\n")
+    scan = read_scan(path, columns="x=easting,y=northing,z=Height (m),intensity=refl")
+    assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert list(scan.fields) == ["intensity"]
+    numbered = read_scan(path, columns="x=2 y=3 z=4 id")
+    assert np.array_equal(numbered.points, scan.points)
+    assert numbered.fields["id"].tolist() == [7, 8]
+    with pytest.raises(FormatError, match="a column 'east', as requested, found 5 columns: id, E"):
+        read_scan(path, columns="x=east y=northing z=4")
+    with pytest.raises(FormatError, match="a column '6', as requested"):
+        read_scan(path, columns="x=2 y=3 z=6")
+    assert list(read_scan(path, columns="n x y z i").fields) == ["n", "i"]
+
+
+def test_names_in_another_order_are_used(save):
+    path = save("a.csv", "z,t,y,x\n1,2,3,4\n5,6,7,8\n")
+    assert read_scan(path).points.tolist() == [[4, 3, 1], [8, 7, 5]]
+    assert read_scan(path, columns="x y z t").points.tolist() == [[4, 3, 1], [8, 7, 5]]
+    assert list(read_scan(path, columns="x y z").fields) == []
+
+
+def test_columns_without_names_are_chosen_by_number(save):
+    path = save("a.txt", "9 1 2 3\n8 4 5 6\n")
+    assert read_scan(path, columns="x=2 y=3 z=4").points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert list(read_scan(path, columns="_ x y z").fields) == []
+    with pytest.raises(FormatError, match="a column 'label', as requested, found 4 columns;"):
+        read_scan(path, columns="x=2 y=3 z=4 label")
+
+
+def test_the_csv_files_of_ouster_are_read(save):
+    head = "# frame num: 0\n# TIMESTAMP (ns), ROW, RANGE (mm), X1 (m), Y1 (m), Z1 (m)\n"
+    scan = read_scan(save("a.csv", head + "\n5, 0, 1, 1.5, 2.5, 3.5\n6, 1, 1, 4.5, 5.5, 6.5\n"))
+    assert scan.points.tolist() == [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
+
+
+_FIRST_COLUMNS = {
+    "unix": lambda n: 1.7e9 + np.arange(n) / n,
+    "nanoseconds": lambda n: 10**18 + 1000 * np.arange(n),
+    "seconds": lambda n: np.linspace(0.0, 0.1, n),
+    "index": lambda n: np.arange(n) + 5,
+    "intensity": lambda n: np.random.default_rng(2).integers(0, 256, n),
+    "reflectance": lambda n: np.random.default_rng(2).random(n),
+    "constant": lambda n: np.full(n, 3),
+}
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.csv", "a.npy"])
+@pytest.mark.parametrize("first", _FIRST_COLUMNS)
+def test_columns_before_x_are_refused_unless_named(tmp_path, room_scan, name, first):
+    points = np.round(room_scan()[::7], 4)
+    table = np.column_stack([_FIRST_COLUMNS[first](len(points)), points])
+    path = tmp_path / name
+    if name == "a.npy":
+        np.save(path, table)
+    else:
+        np.savetxt(path, table, fmt="%.17g", delimiter="," if name == "a.csv" else " ")
+    with pytest.raises(FormatError, match=r'pass columns="[ti] x y z" if that is the order, else'):
+        read_scan(path)
+    assert np.array_equal(read_scan(path, columns="t x y z").points, points)
+    assert np.array_equal(read_scan(path, columns=4).points, table[:, :3])
+
+
+@pytest.mark.parametrize("fourth", _FIRST_COLUMNS)
+def test_columns_after_z_are_read(tmp_path, room_scan, fourth):
+    points = np.round(room_scan()[::7], 4)
+    np.savetxt(
+        tmp_path / "a.txt", np.column_stack([points, _FIRST_COLUMNS[fourth](len(points))]), "%.17g"
+    )
+    assert np.array_equal(read_scan(tmp_path / "a.txt").points, points)
+
+
+def test_a_height_grid_with_values_is_read(tmp_path):
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(600000.0, 600020), np.arange(30.0)))
+    rows = np.column_stack([np.sort(x), y, 100 + np.sin(x + y), np.full(len(x), 0.5)])
+    np.savetxt(tmp_path / "a.txt", rows)
+    assert np.array_equal(read_scan(tmp_path / "a.txt").points, rows[:, :3])
