@@ -6,6 +6,7 @@ checked in `scanlock.clouds`, and settings files are read in `scanlock.registrat
 
 from scanlock.io.atomic import atomic_file
 from scanlock.io.describe import ScanDescription, describe_scan
+from scanlock.io.formats.e57.poses import write_e57_poses
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import (
@@ -18,7 +19,7 @@ from scanlock.io.poses import (
     write_tum_poses,
 )
 from scanlock.io.scan_file import ScanFile
-from scanlock.io.scans import read_scan, write_scan
+from scanlock.io.scans import read_scan, read_scans, write_scan, write_scans
 from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
 
 __all__ = [
@@ -35,11 +36,14 @@ __all__ = [
     "read_pose",
     "read_pose_matrix",
     "read_scan",
+    "read_scans",
     "read_trajectory",
     "read_tum_poses",
+    "write_e57_poses",
     "write_kitti_poses",
     "write_labels",
     "write_pose",
     "write_scan",
+    "write_scans",
     "write_tum_poses",
 ]

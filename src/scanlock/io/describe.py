@@ -23,6 +23,7 @@ from scanlock.io.scan_guesses import (
     time_field,
 )
 from scanlock.io.scans import Columns, read_scan
+from scanlock.io.stations import split_station
 
 _MAX_QUERIES = 5000
 """Number of points whose nearest neighbour is searched for the spacing, about."""
@@ -184,7 +185,7 @@ def describe_scan(
         format=scan.format,
         title=FORMATS[scan.format].title,
         encoding=scan.encoding,
-        size=path.stat().st_size,
+        size=split_station(path)[0].stat().st_size,
         points=len(scan),
         width=scan.width,
         height=scan.height,

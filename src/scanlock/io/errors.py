@@ -7,6 +7,9 @@ from pathlib import Path
 
 from scanlock.errors import FormatError
 
+START_SIZE = 65536
+"""Number of bytes in which the format of a file shows."""
+
 _SPECIAL_FILES = (
     (stat.S_ISCHR, "a character device"),
     (stat.S_ISBLK, "a block device"),
@@ -54,6 +57,19 @@ def read_bytes(path: Path, kind: str) -> bytes:
     return path.read_bytes()
 
 
+def read_start(path: Path, kind: str) -> bytes:
+    """Read the first bytes of a file, enough to detect its format.
+
+    Raises
+    ------
+    FileNotFoundError, FormatError
+        As for `require_regular_file`.
+    """
+    require_regular_file(path, kind)
+    with path.open("rb") as file:
+        return file.read(START_SIZE)
+
+
 def require_regular_file(path: Path, kind: str) -> None:
     """Raise unless the path is a file that has contents and fits into the memory.
 
@@ -97,7 +113,7 @@ def require_regular_file(path: Path, kind: str) -> None:
             found="an empty file",
             remedy="write or copy it again",
         )
-    free = _free_memory()
+    free = free_memory()
     if free is not None and status.st_size > free:
         raise FormatError(
             f"{path}: expected a {kind} file of at most {free / 1e9:.1f} GB, the free memory, "
@@ -105,7 +121,7 @@ def require_regular_file(path: Path, kind: str) -> None:
         )
 
 
-def _free_memory() -> int | None:
+def free_memory() -> int | None:
     """Return the memory that can be allocated without swapping [bytes]; None if unknown."""
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:

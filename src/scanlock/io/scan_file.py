@@ -57,6 +57,17 @@ class ScanFile:
     viewpoint: Pose | None = None
     """Pose of the sensor in the frame of the points, for formats that store one (PCD)."""
 
+    station: str = ""
+    """Name of the station, for formats that name their scans (E57)."""
+
+    file_from_station: Pose | None = None
+    """Pose of the station in the frame of the file, for formats that store one (E57, PTX).
+
+    The points are in the frame of the station, with the scanner at the origin by convention;
+    ``scan.file_from_station @ scan.points`` are in the frame of the file. None if the file has
+    no pose.
+    """
+
     notes: tuple[str, ...] = ()
     """Notes of the reader, one for each property that was inferred rather than read."""
 

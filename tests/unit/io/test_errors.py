@@ -32,7 +32,7 @@ def test_files_above_the_free_memory_are_refused_by_their_size(tmp_path, save):
         file.truncate(1 << 42)
     with pytest.raises(FormatError, match=r"the free memory, found one of 4398\.0 GB"):
         read_scan(path)
-    assert errors._free_memory() > 1 << 20
+    assert errors.free_memory() > 1 << 20
 
 
 def test_a_file_used_as_a_folder_does_not_exist(save):

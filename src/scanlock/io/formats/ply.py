@@ -8,6 +8,7 @@ import numpy as np
 from scanlock.errors import InvalidInput
 from scanlock.io.columns import Request, require_request_of_names, require_writable_names
 from scanlock.io.errors import check_body_size, malformed
+from scanlock.io.formats.foreign import refuse_packed_ply
 from scanlock.io.formats.ply_header import PlyElement, PlyHeader, parse_header
 from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
@@ -35,9 +36,11 @@ def read_ply(path: Path, data: bytes, columns: Request) -> ScanFile:
     header = parse_header(path, data)
     read = _ascii_columns if header.encoding == "ascii" else _binary_columns
     vertex = next(element for element in header.elements if element.name == "vertex")
+    names = [entry.name for entry in vertex.properties]
+    refuse_packed_ply(path, names)
     return scan_from_columns(
         path,
-        [entry.name for entry in vertex.properties],
+        names,
         read(path, data, header),
         request=columns,
         format="ply",

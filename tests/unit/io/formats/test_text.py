@@ -7,7 +7,7 @@ from scanlock.io import read_scan, write_scan
 _ROWS = [[1.0, -2.5, 3e-3], [4.0, 5.0, 6.0]]
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.xyz", "a.asc", "a.3d", "a.pts"])
+@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.xyz", "a.asc", "a.3d"])
 @pytest.mark.parametrize(
     "text",
     [
@@ -99,16 +99,10 @@ def test_whole_numbers_keep_every_digit(save):
 
 
 def test_numbers_beyond_float64_are_infinite(save):
-    scan = read_scan(save("a.pts", "1 2 " + "9" * 5000 + "\n"))
+    scan = read_scan(save("a.txt", "1 2 " + "9" * 5000 + "\n"))
     assert scan.points.tolist() == [[1, 2, np.inf]]
     with pytest.raises(FormatError, match="line 2"):
-        read_scan(save("b.pts", "9" * 5000 + "\n1 2 3\n"))
-
-
-def test_the_count_of_a_pts_file_is_checked(save):
-    assert len(read_scan(save("a.pts", "2\n1 2 3\n4 5 6\n"))) == 2
-    with pytest.raises(FormatError, match="expected 3 points, found 2"):
-        read_scan(save("b.pts", "3\n1 2 3\n4 5 6\n"))
+        read_scan(save("b.txt", "9" * 5000 + "\n1 2 3\n"))
 
 
 def test_truncated_lines_and_3dtk_units_are_noted(save):
@@ -159,7 +153,6 @@ def test_trajectories_are_refused_as_scans(save):
     [
         ("a.csv", "x,y,z,ring,n_0,n_1"),
         ("a.xyz", "# x y z ring n_0 n_1"),
-        ("a.pts", "5"),
     ],
 )
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
@@ -171,7 +164,7 @@ def test_written_digits_read_back_exactly(tmp_path, name, first, dtype):
     path = tmp_path / name
     write_scan(path, points, fields)
     assert path.read_text().splitlines()[0] == first
-    again = read_scan(path, columns="x y z ring n_0 n_1" if name == "a.pts" else None)
+    again = read_scan(path)
     assert again.notes == ()
     assert np.array_equal(again.points.astype(dtype), points, equal_nan=True)
     assert np.signbit(again.points[3, 0])
