@@ -10,6 +10,9 @@ from scanlock.errors import FormatError
 START_SIZE = 65536
 """Number of bytes in which the format of a file shows."""
 
+_LARGE_FILE = 1 << 26
+"""Size [bytes] from which on the free memory is compared; asking for it takes a millisecond."""
+
 _SPECIAL_FILES = (
     (stat.S_ISCHR, "a character device"),
     (stat.S_ISBLK, "a block device"),
@@ -113,7 +116,7 @@ def require_regular_file(path: Path, kind: str) -> None:
             found="an empty file",
             remedy="write or copy it again",
         )
-    free = free_memory()
+    free = free_memory() if status.st_size > _LARGE_FILE else None
     if free is not None and status.st_size > free:
         raise FormatError(
             f"{path}: expected a {kind} file of at most {free / 1e9:.1f} GB, the free memory, "

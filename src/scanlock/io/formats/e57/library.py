@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scanlock.errors import FormatError, MissingExtra, ScanlockError
 from scanlock.io.errors import malformed
 
@@ -87,6 +89,15 @@ def opened(library: Any, path: Path) -> Generator[Any]:
     finally:
         if file is not None:
             file.close()
+
+
+def buffer_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type of the array from and to which the library copies a column.
+
+    Integers of 4 and 8 bytes are of the C type long long: the only long one it copies rightly.
+    """
+    is_unsupported = dtype.kind in "iu" and dtype.itemsize >= 4
+    return np.dtype(np.longlong) if is_unsupported else dtype
 
 
 def read_header(path: Path, data: bytes) -> tuple[int, int, int]:

@@ -11,7 +11,15 @@ from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.columns import Request, require_request_of_names
 from scanlock.io.errors import free_memory, malformed
-from scanlock.io.formats.e57.library import FIELDS, INVALID, NAMES, REMEDY, libe57, opened
+from scanlock.io.formats.e57.library import (
+    FIELDS,
+    INVALID,
+    NAMES,
+    REMEDY,
+    buffer_type,
+    libe57,
+    opened,
+)
 from scanlock.io.quaternions import pose_from_quaternion
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
 from scanlock.io.stations import Station
@@ -108,13 +116,13 @@ def _numbers(path: Path, library: Any, file: Any, scan: Any, notes: list[str]) -
         notes.append(f"fields without numbers left out: {', '.join(left_out)}")
     known = {name: np.dtype(dtype) for name, dtype in types.items() if dtype is not None}
     size = count * sum(dtype.itemsize for dtype in known.values())
-    free = free_memory()
-    if free is not None and size > free:
+    free = free_memory() or size
+    if size > free:
         raise FormatError(
             f"{path}: expected a station that fits the free memory of {free / 1e9:.1f} GB, found "
             f"{count:,} points of {size / 1e9:.1f} GB; split it with another tool"
         )
-    values = {name: np.empty(count, dtype) for name, dtype in known.items()}
+    values = {name: np.empty(count, buffer_type(dtype)) for name, dtype in known.items()}
     if count == 0 or not values:
         return values
     buffers = library.VectorSourceDestBuffer()
@@ -125,7 +133,7 @@ def _numbers(path: Path, library: Any, file: Any, scan: Any, notes: list[str]) -
     reader.close()
     if read != count:
         raise malformed(path, "points", expected=f"{count} points", found=str(read), remedy=REMEDY)
-    return values
+    return {name: part.astype(known[name], copy=False) for name, part in values.items()}
 
 
 def _dtype(library: Any, node: Any) -> str | None:

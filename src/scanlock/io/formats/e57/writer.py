@@ -13,7 +13,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.columns import require_writable_names
-from scanlock.io.formats.e57.library import FIELDS, INVALID, NAMES, NORMALS, libe57
+from scanlock.io.formats.e57.library import FIELDS, INVALID, NAMES, NORMALS, buffer_type, libe57
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
 _DEFINED = frozenset(NAMES.values()) | {
@@ -94,7 +94,9 @@ def _write_station(
     station.set("points", points)
     file.root()["data3D"].append(station)
     buffers = library.VectorSourceDestBuffer()
-    for key, values in columns.items():
+    # The library does not keep the arrays that it copies from.
+    arrays = {key: part.astype(buffer_type(part.dtype)) for key, part in columns.items()}
+    for key, values in arrays.items():
         buffers.append(library.SourceDestBuffer(file, key, values, len(scan), True, True))
     writer = points.writer(buffers)
     writer.write(len(scan))
