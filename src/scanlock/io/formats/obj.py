@@ -12,7 +12,8 @@ from scanlock.io.formats.text_lines import TextLines
 from scanlock.io.numeric_text import parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
 
-_VERTEX = re.compile(rb"^[ \t]*v[ \t][^\n]*", re.MULTILINE)
+_OTHER_LINE = re.compile(rb"^(?![ \t]*v[ \t])[^\n]+", re.MULTILINE)
+_KEYWORD = re.compile(rb"^[ \t]*v(?=[ \t])", re.MULTILINE)
 _STATEMENT = re.compile(rb"^[ \t]*([a-z]+)[ \t]", re.MULTILINE)
 _LEFT_OUT = {b"f": "faces", b"l": "lines", b"p": "point lists", b"vn": "normals", b"vt": "textures"}
 _NAMES = {3: (), 4: ("w",), 6: ("red", "green", "blue")}
@@ -42,8 +43,9 @@ def read_obj(path: Path, data: bytes, columns: Request) -> ScanFile:
     """
     require_request_of_names(path, "OBJ", columns)
     lines = TextLines(path, data)
-    body = b"\n".join(match[0].strip()[1:] for match in _VERTEX.finditer(lines.data))
-    table = parse_rows(path, _without_comments(body))
+    # Other lines become blank, so that errors give the line of the file.
+    vertices = _KEYWORD.sub(b"", _OTHER_LINE.sub(b"", lines.data))
+    table = parse_rows(path, _without_comments(vertices))
     if len(table) not in _NAMES:
         raise lines.error(
             max(len(lines) - 1, 0), "vertices v x y z, with a weight or three colours", "none"
