@@ -1,6 +1,5 @@
 """Sections of a legacy VTK file, read one after another."""
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,8 +31,6 @@ _DATASETS = ("POLYDATA", "UNSTRUCTURED_GRID", "STRUCTURED_GRID")
 _CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
 _TEXTURE_AXES = 3
 _REMEDY = "the file is cut short, damaged, or not a VTK file; write it again"
-_WORD_LINE = re.compile(rb"^[ \t]*(?!nan\b|inf\b|[-+.\d])\S", re.MULTILINE | re.IGNORECASE)
-"""Beginning of a line of words after ascii numbers."""
 
 
 @dataclass(slots=True)
@@ -102,7 +99,7 @@ class SectionReader:
             raise self._error("at least one point")
         for name, values in contents.fields.items():
             if len(values) != count:
-                raise self._error(f"{count} values of point data {name}, got {len(values)}")
+                raise self._error(f"{count} values of point data {name}", str(len(values)))
 
     def _read_attribute(self, contents: VtkContents, owner: str, words: list[str]) -> None:
         """Read one attribute; those of the dataset itself and of cells are left out."""
@@ -130,7 +127,7 @@ class SectionReader:
                 contents.notes.append("data of cells left out")
                 self.offset = len(self.data)
             case _:
-                raise self._error(f"a section of a dataset of points, not {' '.join(words)[:40]!r}")
+                raise self._error("a section of a dataset of points", repr(" ".join(words)[:40]))
         if owner == "POINT_DATA":
             contents.fields.update(named_fields(read))
 
@@ -185,7 +182,7 @@ class SectionReader:
         """Return (count, width) numbers, or (count,) for one number each."""
         code = _TYPES.get(kind.lower())
         if code is None:
-            raise self._error(f"a type among {', '.join(_TYPES)}, not {kind[:40]!r}")
+            raise self._error(f"a type among {', '.join(_TYPES)}", repr(kind[:40]))
         total = count * width
         if self.encoding == "binary":
             size = total * np.dtype(code).itemsize
@@ -198,17 +195,17 @@ class SectionReader:
         return values if width == 1 else values.reshape(count, width)
 
     def _parsed(self, total: int, dtype: np.dtype[Any]) -> Field:
-        match = _WORD_LINE.search(self.data, self.offset)
-        end = match.start() if match else len(self.data)
-        text = self.data[self.offset : end]
-        words = text.split()
-        if len(words) != total or b"_" in text:
-            raise self._error(f"{total} numbers, found {len(words)}")
-        self.offset = end
+        words = self.data[self.offset :].split(None, total)
+        rest = words.pop() if len(words) > total else b""
+        if len(words) < total or b"_" in b"".join(words):
+            raise self._error(f"{total} numbers", f"{len(words)} words")
         try:
             values = _numbers(words, dtype)
         except (ValueError, OverflowError) as error:
-            raise self._error(f"numbers of type {dtype.name} ({str(error)[:80]})") from error
+            raise self._error(
+                f"{total} numbers of type {dtype.name} ({str(error)[:60]})"
+            ) from error
+        self.offset = len(self.data) - len(rest)
         with np.errstate(over="ignore", invalid="ignore"):
             cast = values.astype(dtype)
         if dtype.kind in "iu" and not np.array_equal(cast, values):
@@ -217,7 +214,7 @@ class SectionReader:
 
     def _count(self, word: str) -> int:
         if not (word.isascii() and word.isdecimal() and len(word) < 19):
-            raise self._error(f"a whole number, not {word[:40]!r}")
+            raise self._error("a whole number", repr(word[:40]))
         return int(word)
 
     def _next_line(self) -> bytes:
@@ -235,12 +232,14 @@ class SectionReader:
                 return words
         return []
 
-    def _error(self, expected: str) -> FormatError:
+    def _error(
+        self, expected: str, found: str = "another content or the end of the file"
+    ) -> FormatError:
         return malformed(
             self.path,
             f"byte {min(self.offset, len(self.data))}",
             expected=expected,
-            found="another content or the end of the file",
+            found=found,
             remedy=_REMEDY,
         )
 
