@@ -96,12 +96,14 @@ def seeds(folder: Path) -> Iterator[Seed]:
         ("a.ply", "ascii", True), ("a.ply", "binary", True), ("a.npy", None, True),
         ("a.npz", "binary", True), ("a.npz", "compressed", True), ("a.bin", None, False),
         ("a.txt", None, False), ("a.csv", None, False), ("a.pts", None, True),
-        ("a.las", "binary", True), ("a.laz", "compressed", True),
+        ("a.las", "binary", True), ("a.laz", "compressed", True), ("a.e57", None, True),
+        ("a.ptx", None, True), ("a.vtk", "ascii", True), ("a.vtk", "binary", True),
+        ("a.obj", None, False),
     ]  # fmt: skip
     for name, encoding, states_count in kinds:
         path = folder / name
         columns = {"intensity": fields["intensity"]} if name == "a.bin" else fields
-        columns = {} if name.endswith((".npy", ".pts", ".las", ".laz")) else columns
+        columns = {} if name.endswith((".npy", ".pts", ".las", ".laz", ".ptx", ".obj")) else columns
         write_scan(path, points, columns, encoding=encoding)
         label = f"{path.suffix[1:]} {encoding or ''}".strip()
         yield Seed(label, path.read_bytes(), read_scan, len(points) if states_count else 0)

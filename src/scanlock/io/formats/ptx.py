@@ -154,7 +154,7 @@ def _written_columns(path: Path, scan: ScanFile) -> list[Field]:
             f"{path}: fields of PTX must be intensity, and red, green and blue together, got "
             f"{', '.join(fields)}; remove the others, or write .e57"
         )
-    points = np.nan_to_num(scan.points, nan=0.0).astype(scan.coordinate_dtype)
+    points = scan.points.astype(scan.coordinate_dtype)
     points[~np.isfinite(scan.points).all(axis=1)] = 0.0
     intensity = fields.get("intensity", np.full(len(scan), 0.5))
     return [

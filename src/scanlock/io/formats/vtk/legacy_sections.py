@@ -78,6 +78,8 @@ class SectionReader:
             match [words[0].upper(), *words[1:]]:
                 case ["POINTS", count, kind]:
                     contents.points = self._values(self._count(count), 3, kind)
+                    if not self.data[self.offset :].strip():
+                        contents.notes.append("nothing after the points: the file may be cut short")
                 case ["POINT_DATA" | "CELL_DATA" as owner, _]:
                     pass
                 case ["DIMENSIONS", _, _, _]:
