@@ -43,13 +43,14 @@ def read_bin(path: Path, data: bytes, columns: Request) -> ScanFile:
             remedy="the file is cut short or has another format",
         )
     values = np.frombuffer(data, dtype="<f4")
-    notes: list[str] = []
     if columns is None:
-        _require_plausible(path, values)
-        width, note = guess_row_length(path, values)
-        notes.append(note)
+        # A signalling NaN is kept like any other NaN, without a warning.
+        with np.errstate(invalid="ignore"):
+            _require_plausible(path, values)
+            width, names, notes = _guessed(path, values)
     else:
         width = columns if isinstance(columns, int) else len(columns)
+        names, notes = conventional_names(width), list[str]()
     if len(values) % width:
         raise malformed(
             path,
@@ -59,9 +60,6 @@ def read_bin(path: Path, data: bytes, columns: Request) -> ScanFile:
             remedy=f"the file is cut short, or has other columns: {_REMEDY}",
         )
     table = values.reshape(-1, width)
-    names = conventional_names(width) if columns is not None else names_of_columns(path, table)
-    if columns is None:
-        refuse_other_order(path, list(table.T))
     if not isinstance(columns, tuple) and width > 3:
         notes.append(f"names of columns after the third assumed: {', '.join(names[3:])}")
     return scan_from_columns(
@@ -74,6 +72,15 @@ def read_bin(path: Path, data: bytes, columns: Request) -> ScanFile:
         encoding="binary",
         notes=tuple(notes),
     )
+
+
+def _guessed(path: Path, values: NDArray[np.float32]) -> tuple[int, tuple[str, ...], list[str]]:
+    """Return the row length, the names of the columns and a note on the guess."""
+    width, note = guess_row_length(path, values)
+    table = values.reshape(-1, width)
+    names = names_of_columns(path, table)
+    refuse_other_order(path, list(table.T))
+    return width, names, [note]
 
 
 def _every_name(path: Path, columns: Request) -> Request:
