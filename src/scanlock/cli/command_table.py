@@ -38,10 +38,23 @@ Examples:
 Examples:
   scanlock register source.bin target.bin
   scanlock register source.pcd target.pcd -o pose.txt --picture pair.png
+  scanlock register epoch2.laz epoch1.laz --aligned moved.laz --merged both.ply
   scanlock register source.las target.las --initial guess.txt --json
 
 Exit code: 0 if the pose is verified, 2 if it is not (the reason is printed),
 1 for wrong arguments or files.
+
+{_READING}""",
+    ),
+    "apply": Command(
+        path="scanlock.cli.commands.apply:apply",
+        help="Move a cloud by a pose, with all its fields.",
+        epilogue=f"""\
+Examples:
+  scanlock apply pose.txt source.laz -o moved.laz
+  scanlock apply pose.json target.ply --inverse -o target_in_source.ply
+
+Normals turn with the points; colours, intensities and all other fields stay.
 
 {_READING}""",
     ),

@@ -13,7 +13,7 @@ MethodName = str
 """Key of `METHODS`: built-in, registered, or offered by an installed package."""
 
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
-CovarianceName = Literal["sandwich", "hessian", "sampled"]
+CovarianceName = Literal["sandwich", "hessian", "sampled", "none"]
 FormatName = Literal[
     "bin", "npy", "npz", "pcd", "ply", "txt", "las", "e57", "ptx", "pts", "vtk", "vtp", "obj"
 ]

@@ -60,9 +60,18 @@ class Reading:
 
     columns: Annotated[
         str | None,
-        Parameter(help='Columns of a file without names: 4, or "x y z intensity".'),
+        Parameter(
+            help='Columns: 4 or "x y z intensity" of a file without names; '
+            '"x=easting y=northing z=height" of one with names.'
+        ),
     ] = None
-    """Number or names of the columns of a headerless file."""
+    """Number or names of the columns, or a choice among those of the file."""
+
+    scale: Annotated[
+        float | None,
+        Parameter(help="Unit of the file in metres: 0.001 for millimetres, 0.3048 for feet."),
+    ] = None
+    """Size of the unit of the file [m], in place of the one that the file states."""
 
     def wanted_columns(self) -> int | str | None:
         """Return `columns` in the form that `scanlock.io.read_scan` takes."""
@@ -76,12 +85,16 @@ class Reading:
         ------
         FormatError
             No row is a point, or an error of `scanlock.io.read_scan`.
+        InvalidInput
+            Coordinates are longitude and latitude.
         """
         import numpy as np
 
         from scanlock.io import read_scan
 
-        file = read_scan(path, self.format, columns=self.wanted_columns())
+        file = read_scan(path, self.format, columns=self.wanted_columns(), scale=self.scale)
+        if file.crs is not None:
+            file.crs.require_lengths(str(path))
         blank = (file.points == 0.0).all(axis=1)
         points = np.where(blank[:, None], np.nan, file.points) if blank.any() else file.points
         if not np.isfinite(points).all(axis=1).any():

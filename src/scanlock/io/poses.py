@@ -79,7 +79,7 @@ def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
     return matrix
 
 
-def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
+def write_pose(path: str | os.PathLike[str], pose: Pose, comment: str = "") -> None:
     """Write the 4x4 matrix of a pose as text, with 17 significant digits, which lose nothing.
 
     Parameters
@@ -87,8 +87,28 @@ def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
     path : path-like
         Text file to write.
     pose : Pose
+    comment : str
+        Text for a first line after ``#``, which `read_pose` ignores; in one line.
     """
-    _write_rows(path, pose.matrix)
+    _write_rows(path, pose.matrix, comment)
+
+
+def read_pose_comment(path: str | os.PathLike[str]) -> str:
+    """Return the comment of a pose file in text, or the status of one in JSON; empty without.
+
+    Files of `scanlock register` state there that a pose is not verified.
+    """
+    data = read_bytes(Path(path), "pose")
+    if data.startswith(b"#"):
+        return data.splitlines()[0][1:].decode("utf-8", "replace").strip()
+    if not data.lstrip().startswith(b"{"):
+        return ""
+    try:
+        content = json.loads(data)
+    except ValueError:
+        return ""
+    status = content.get("status", "ok")
+    return "" if status == "ok" else f"not verified: {status}; {content.get('reason', '')}"
 
 
 def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
@@ -200,10 +220,12 @@ def write_tum_poses(path: str | os.PathLike[str], times: ArrayLike, poses: Seque
     _write_rows(path, rows)
 
 
-def _write_rows(path: str | os.PathLike[str], rows: Matrix) -> None:
-    lines = (" ".join(f"{value:.17g}" for value in row) for row in rows.tolist())
+def _write_rows(path: str | os.PathLike[str], rows: Matrix, comment: str = "") -> None:
+    lines = [" ".join(f"{value:.17g}" for value in row) for row in rows.tolist()]
+    if comment:
+        lines.insert(0, "# " + " ".join(comment.split()))
     with atomic_file(path) as handle:
-        handle.write(("\n".join(lines) + "\n").encode("ascii"))
+        handle.write(("\n".join(lines) + "\n").encode())
 
 
 def _require_poses(poses: Sequence[Pose]) -> None:

@@ -1,6 +1,6 @@
-"""Contents of a scan file: points and fields as stored, with notes on all that was guessed."""
+"""Contents of a scan file: points in metres and fields, with notes on all that was guessed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +13,9 @@ from scanlock.arrays import Points, frozen
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
+from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.errors import malformed
+from scanlock.io.formats.las.properties import LasProperties
 
 Field = NDArray[Any]
 """(n,) or (n, k) values, one row for each point."""
@@ -21,7 +23,7 @@ Field = NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ScanFile:
-    """Contents of one scan file, with the rows, units and frame of the file.
+    """Contents of one scan file, with its rows and frame, in metres.
 
     Rows with NaN or Inf are kept, so that labels and masks match the rows of the file;
     `scanlock.clouds.point_cloud.PointCloud` removes and counts them.
@@ -34,7 +36,7 @@ class ScanFile:
     """
 
     points: Points
-    """(n, 3) coordinates as stored, converted to float64; n is at least 1."""
+    """(n, 3) coordinates [m] as float64; n is at least 1. Degrees if `crs` is geographic."""
 
     fields: Mapping[str, Field]
     """All other columns by name, in the order and type of the file."""
@@ -67,6 +69,16 @@ class ScanFile:
     ``scan.file_from_station @ scan.points`` are in the frame of the file. None if the file has
     no pose.
     """
+
+    crs: CoordinateSystem | None = None
+    """Coordinate reference system; None if the file states none. `write_scan` writes LAS files in
+    its unit."""
+
+    metres_per_unit: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Factors of x, y and z from the unit of the file to metres, applied on reading."""
+
+    las: LasProperties | None = None
+    """Version, point format, scales and records of a LAS file, kept for writing."""
 
     notes: tuple[str, ...] = ()
     """Notes of the reader, one for each property that was inferred rather than read."""
@@ -185,8 +197,16 @@ def scan_from_columns(
     return ScanFile(points=points, fields=fields, **attributes)
 
 
-def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
+def flat_fields(path: Path, scan: ScanFile, whole: Collection[str] = ()) -> dict[str, Field]:
     """Return the fields as single columns; (n, k) fields become ``name_0``, ``name_1``, ...
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    scan : ScanFile
+    whole : collection of str
+        Names of (n, k) fields to leave as they are.
 
     Raises
     ------
@@ -196,7 +216,7 @@ def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
     flat: dict[str, Field] = {}
     for name, values in scan.fields.items():
         columns = [(name, values)]
-        if values.ndim == 2:
+        if values.ndim == 2 and name not in whole:
             columns = [(f"{name}_{k}", part) for k, part in enumerate(values.T)]
         for label, column in columns:
             if label in flat:

@@ -43,6 +43,19 @@ def split_station(path: Path) -> tuple[Path, int | str | None]:
     return path.with_name(name), int(station) if is_number else station
 
 
+def require_stations(path: Path, stations: Sequence[Station]) -> Sequence[Station]:
+    """Return the stations; raise `FormatError` if there are none."""
+    if not stations:
+        raise malformed(
+            path,
+            "contents",
+            expected="at least one scan",
+            found="none",
+            remedy="check the program that wrote it",
+        )
+    return stations
+
+
 def choose_station(
     path: Path, stations: Sequence[Station], choice: int | str | None = None
 ) -> Station:
@@ -55,14 +68,7 @@ def choose_station(
     InvalidInput
         A number or name that no station, or a name that several stations have.
     """
-    if not stations:
-        raise malformed(
-            path,
-            "contents",
-            expected="at least one scan",
-            found="none",
-            remedy="check the program that wrote it",
-        )
+    require_stations(path, stations)
     if choice is None:
         if len(stations) > 1:
             raise malformed(

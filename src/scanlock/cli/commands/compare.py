@@ -222,7 +222,7 @@ def _series(
         load=lambda path: reading.load(path).returns,
     )
     names = " ".join(path.name for path in scans)
-    variant = f"{reading.format} {reading.columns}"
+    variant = f"{reading.format} {reading.columns} {reading.scale}"
     return series_of(files, title=f"{len(scans)} scan files", origin=names, variant=variant)
 
 

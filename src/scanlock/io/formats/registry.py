@@ -7,11 +7,13 @@ from typing import BinaryIO
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.io.columns import Request
+from scanlock.io.errors import read_bytes, read_start
 from scanlock.io.formats.e57.reader import e57_stations
 from scanlock.io.formats.e57.writer import write_e57, write_e57_stations
 from scanlock.io.formats.float32_bin import read_bin, write_bin
 from scanlock.io.formats.foreign import refuse_foreign
-from scanlock.io.formats.las import read_las, write_las
+from scanlock.io.formats.las.read import read_las
+from scanlock.io.formats.las.write import write_las
 from scanlock.io.formats.npy import read_npy, read_npz, write_npy, write_npz
 from scanlock.io.formats.obj import is_obj, read_obj, write_obj
 from scanlock.io.formats.pcd import read_pcd, write_pcd
@@ -255,6 +257,21 @@ def detect_format(path: Path, data: bytes, requested: str | None) -> str:
         f"{path}: byte 0: expected {FORMATS[named].title} for the extension {path.suffix}, "
         f"found {described}; {remedy}"
     )
+
+
+def open_contents(path: Path, requested: str | None) -> tuple[ScanFormat, bytes]:
+    """Return the format of a file, and its contents or, if the reader opens it, its beginning.
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError, InvalidInput
+        As for `detect_format`; or a folder, a device, an empty or too large file.
+    """
+    start = read_start(path, "scan")
+    known = FORMATS[detect_format(path, start, requested)]
+    return known, start if known.opens_files else read_bytes(path, "scan")
 
 
 def require_format(name: str) -> str:

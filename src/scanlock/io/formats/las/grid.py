@@ -1,0 +1,63 @@
+"""Scales and offsets of coordinates that LAS stores as 32-bit integers."""
+
+import numpy as np
+
+from scanlock.arrays import Points, Vector
+
+_FINE = 1e-4
+"""Step of coordinates that are not multiples of the step of their file [m]."""
+
+_MAX_INTEGER = 2**31 - 2
+
+_SLACK = 0.01
+"""Deviation from a multiple of the step that counts as rounding, in steps."""
+
+
+def coordinate_grid(
+    coordinates: Points, scales: Vector, offsets: Vector, metres: Vector
+) -> tuple[Vector, Vector]:
+    """Choose scales and offsets for coordinates.
+
+    The given ones are kept if all coordinates are multiples of them, as in a file that was read.
+    Moved points get finer scales: those of the file divided by powers of ten until they are 0.1 mm
+    or less. If 32 bits cannot hold such steps about an offset at the points, the finest steps that
+    fit are used.
+
+    Parameters
+    ----------
+    coordinates : (n, 3)
+    scales, offsets : (3,)
+        Those of the file.
+    metres : (3,) [m]
+        Size of the unit of x, y and z.
+
+    Returns
+    -------
+    scales, offsets : (3,)
+    """
+    chosen = np.empty((2, 3))
+    for axis in range(3):
+        chosen[:, axis] = _axis_grid(
+            coordinates[:, axis], float(scales[axis]), float(offsets[axis]), float(metres[axis])
+        )
+    return chosen[0], chosen[1]
+
+
+def _axis_grid(values: Vector, scale: float, offset: float, metres: float) -> tuple[float, float]:
+    if not (0.0 < scale < np.inf and np.isfinite(offset)):
+        scale, offset = _FINE, 0.0
+    steps = (values - offset) / scale
+    if np.abs(steps).max() <= _MAX_INTEGER and _are_whole(steps):
+        return scale, offset
+    low, high = float(values.min()), float(values.max())
+    while scale * metres > _FINE * (1.0 + 1e-9):
+        scale /= 10.0
+    while (high - low) / scale > _MAX_INTEGER:
+        scale *= 10.0
+    if max(abs(low - offset), abs(high - offset)) / scale > _MAX_INTEGER:
+        offset = float(np.floor(low))
+    return scale, offset
+
+
+def _are_whole(steps: Vector) -> bool:
+    return bool((np.abs(steps - np.round(steps)) <= _SLACK).all())
