@@ -1,4 +1,5 @@
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from scanlock.io import (
     read_scans,
     read_tum_poses,
     write_e57_poses,
+    write_scan,
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.data]
@@ -128,7 +130,9 @@ def test_las_agrees_with_its_specification(scan_data):
     rows = np.array(rows)
     for path in (plain, packed):
         scan = read_scan(path)
-        assert np.abs(scan.points - (rows[:, :3] * scale + offset)).max() < 1e-9
+        # The header gives feet.
+        assert np.abs(scan.points - 0.3048 * (rows[:, :3] * scale + offset)).max() < 1e-9
+        assert scan.crs.unit_text == "foot (0.3048 m)"
         assert np.array_equal(scan.fields["intensity"], rows[:, 3])
 
 
@@ -136,9 +140,61 @@ def test_las_points_span_the_bounding_box_of_the_header(scan_data):
     pytest.importorskip("laspy")
     for path in _files(scan_data, "formats/las/*", 5):
         box = np.array(struct.unpack_from("<6d", path.read_bytes(), 179)).reshape(3, 2)
-        points = read_scan(path).points
+        scan = read_scan(path)
+        points = scan.points / scan.metres_per_unit
         assert np.abs(points.max(axis=0) - box[:, 0]).max() < 0.011
         assert np.abs(points.min(axis=0) - box[:, 1]).max() < 0.011
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "formats/las/MixedConifer.laz",
+        "formats/las/Topography.laz",
+        "formats/las/autzen_trim.las",
+        "formats/las/pine_plot.laz",
+        "formats/copc/lone-star.copc.laz",
+        "two_epochs_autzen/autzen-bmx-2010.las",
+        "aerial_ahn/ahn_2386_9702.laz",
+    ],
+)
+def test_las_files_written_unchanged_are_equal(scan_data, tmp_path, name):
+    pytest.importorskip("laspy")
+    scan = read_scan(scan_data / name)
+    path = tmp_path / f"again{name[-4:]}"
+    write_scan(path, scan)
+    after = read_scan(path)
+    assert np.array_equal(after.points, scan.points)
+    assert after.fields.keys() == scan.fields.keys()
+    assert all(np.array_equal(after.fields[key], scan.fields[key]) for key in scan.fields)
+    assert after.crs == scan.crs
+    assert replace(after.las, software="") == replace(scan.las, software="")
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "units", "metres"),
+    [
+        ("formats/las/MixedConifer.laz", "EPSG:26912", "metre", (1, 1, 1)),
+        ("formats/las/Topography.laz", "EPSG:2949", "metre", (1, 1, 1)),
+        (
+            "formats/las/autzen_trim.laz",
+            "NAD_1983_HARN_Lambert_Conformal_Conic",
+            "foot (0.3048 m)",
+            (0.3048,) * 3,
+        ),
+        (
+            "two_epochs_autzen/autzen-bmx-2023.las",
+            "NAD83 / Oregon LCC (m) + NAVD88 height (ftUS) (EPSG:2991 + EPSG:6360)",
+            "metre, heights in US survey foot (0.3048006 m)",
+            (1, 1, 1200 / 3937),
+        ),
+    ],
+)
+def test_coordinate_systems_of_las_files_are_read(scan_data, name, label, units, metres):
+    pytest.importorskip("laspy")
+    scan = read_scan(scan_data / name)
+    assert (scan.crs.label, scan.crs.unit_text) == (label, units)
+    assert scan.metres_per_unit == metres
 
 
 @pytest.mark.parametrize(

@@ -65,20 +65,23 @@ Normals turn with the points; colours, intensities and all other fields stay.
 Examples:
   scanlock segment scan.bin -o labels.npy
   scanlock segment scan.pcd -o coloured.ply --picture scan.png
+  scanlock segment flight.laz -o classified.laz
 
 Labels have one row per point: 0 ground, 1 and up clusters, -1 neither. In .label
 files they are SemanticKITTI's: 49 ground, 99 with an instance number for
-clusters, 0 neither. Scan files (.ply, .pcd, ...) get a label field.
+clusters, 0 neither. Scan files get a label field; .ply and .pcd also colours, and
+.las and .laz the classes 2 for ground and 1 for all others.
 
 {_READING}""",
     ),
     "info": Command(
         path="scanlock.cli.commands.info:info",
-        help="Describe a scan file: format, fields, extent, and guesses about the sensor.",
+        help="Describe a scan file: format, fields, extent, coordinate system and unit.",
         epilogue=f"""\
 Examples:
   scanlock info scan.pcd
   scanlock info scan.bin --columns "x y z ring" --json
+  scanlock info millimetres.ply --scale 0.001
 
 {_READING}""",
     ),

@@ -6,7 +6,7 @@ checked in `scanlock.clouds`, and settings files are read in `scanlock.registrat
 
 from scanlock.io.atomic import atomic_file
 from scanlock.io.crs import CoordinateSystem
-from scanlock.io.describe import ScanDescription, describe_scan
+from scanlock.io.describe import describe_scan
 from scanlock.io.formats.e57.poses import write_e57_poses
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
@@ -19,6 +19,7 @@ from scanlock.io.poses import (
     write_pose,
     write_tum_poses,
 )
+from scanlock.io.scan_description import ScanDescription
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import read_scan, write_scan
 from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory

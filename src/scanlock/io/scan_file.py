@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Points, frozen
+from scanlock.arrays import Points, frozen, short_repr
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
@@ -82,6 +82,8 @@ class ScanFile:
 
     notes: tuple[str, ...] = ()
     """Notes of the reader, one for each property that was inferred rather than read."""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         points = self.points.view()

@@ -2,6 +2,9 @@
 
 from scanlock.cli.option_types import MethodName, OutputFile
 
+_SEGMENT = "segment"
+"""Name of the settings of scanlock segment."""
+
 
 def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
     """Print every setting of a method as TOML, defaults and all.
@@ -9,22 +12,28 @@ def settings(method: MethodName, /, *, output: OutputFile = None) -> None:
     Parameters
     ----------
     method : str
-        Which method.
+        Which method, or segment for the settings of scanlock segment.
     output : Path
         A file to write instead, ending in .toml; register takes it with --settings.
     """
     import sys
 
     from scanlock.cli.console import print_line
-    from scanlock.cli.output import make_room, require_ending
+    from scanlock.cli.output import require_ending
+    from scanlock.io.atomic import atomic_file
     from scanlock.registration.registry import named_method
-    from scanlock.registration.settings.file import settings_to_toml, write_settings
+    from scanlock.registration.settings.file import settings_to_toml
+    from scanlock.registration.settings.text import settings_text
+    from scanlock.segmentation.segmentation import Segmenter
 
-    _, chosen = named_method(method)
+    if method == _SEGMENT:
+        text = settings_text(Segmenter())
+    else:
+        text = settings_to_toml(named_method(method)[1])
     if output is None:
-        sys.stdout.write(settings_to_toml(chosen))
+        sys.stdout.write(text)
         return
     require_ending(output, (".toml",), "the file of settings")
-    make_room(output)
-    write_settings(output, chosen)
+    with atomic_file(output) as handle:
+        handle.write(text.encode())
     print_line(f"wrote {output}")

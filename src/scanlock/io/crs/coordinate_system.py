@@ -5,7 +5,13 @@ from typing import TYPE_CHECKING
 
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.io.crs.from_wkt import StatedSystem, system_of_wkt
-from scanlock.io.crs.units import METRE, UNKNOWN, LengthUnit
+from scanlock.io.crs.units import (
+    METRE,
+    UNKNOWN,
+    LengthUnit,
+    unit_of_projected_system,
+    unit_of_vertical_system,
+)
 
 if TYPE_CHECKING:
     from scanlock.io.formats.las.records import LasRecord
@@ -137,14 +143,26 @@ class CoordinateSystem:
 
 
 def system_from_statements(stated: StatedSystem) -> CoordinateSystem:
-    """Create a system from what a file states; missing units are noted and read as metres."""
+    """Create a system from what a file states.
+
+    Units that the file does not state are those of its EPSG codes. Without a code, they are read as
+    metres, and heights in the unit of x and y. Each of these is noted.
+    """
     notes: list[str] = []
-    label = "" if stated.epsg is None else f" of EPSG:{stated.epsg}"
-    horizontal, vertical = stated.horizontal, stated.vertical
+    horizontal = _unit(
+        stated.horizontal,
+        unit_of_projected_system(stated.projected_epsg),
+        ("x and y", stated.projected_epsg),
+        notes,
+    )
+    vertical = _unit(
+        stated.vertical,
+        unit_of_vertical_system(stated.vertical_epsg),
+        ("heights", stated.vertical_epsg),
+        notes,
+    )
     if horizontal is None and not stated.is_geographic:
-        notes.append(
-            f"the file does not state the unit{label}: taken as metres; --scale 0.3048 reads feet"
-        )
+        notes.append("the file does not state the unit: taken as metres; --scale 0.3048 reads feet")
     if vertical is None and horizontal is not None and not stated.is_geographic:
         vertical = horizontal
         if horizontal is not METRE:
@@ -176,6 +194,25 @@ def unit_notes(crs: CoordinateSystem) -> tuple[str, ...]:
     if crs.metres_per_unit[:2] == (1.0, 1.0):
         return (*crs.notes, f"heights converted to metres from {crs.vertical_unit}")
     return (*crs.notes, f"converted to metres from {crs.unit_text}")
+
+
+def _unit(
+    stated: LengthUnit | None,
+    by_code: LengthUnit | None,
+    subject: tuple[str, int | None],
+    notes: list[str],
+) -> LengthUnit | None:
+    """Return the stated unit, else that of the EPSG code, and note where the file is unclear."""
+    axes, code = subject
+    if stated is None:
+        if by_code is not None and by_code is not METRE:
+            notes.append(f"the file does not state the unit of {axes}: that of EPSG:{code} is used")
+        return by_code
+    if by_code is not None and stated != by_code:
+        notes.append(
+            f"the file states {stated.name} for {axes} (used), but EPSG:{code} is in {by_code.name}"
+        )
+    return stated
 
 
 def _size(unit: LengthUnit | None) -> float:

@@ -7,9 +7,7 @@ from scanlock.io.crs.units import (
     METRE,
     LengthUnit,
     unit_of_epsg,
-    unit_of_projected_system,
     unit_of_size,
-    unit_of_vertical_system,
 )
 from scanlock.io.crs.wkt import WktNode, parse_wkt
 
@@ -28,6 +26,7 @@ class StatedSystem:
 
     name: str = ""
     epsg: int | None = None
+    projected_epsg: int | None = None
     vertical_epsg: int | None = None
     is_geographic: bool = False
     angle_unit: str | None = None
@@ -58,15 +57,16 @@ def system_of_wkt(text: str) -> StatedSystem:
         unit = _unit_node(horizontal)
         angle = "degree" if unit is None else _angle_name(unit)
     elif horizontal is not None:
-        length = _length(_unit_node(horizontal)) or unit_of_projected_system(code)
+        length = _length(_unit_node(horizontal))
     height = None
     if vertical is not None:
-        height = _length(_unit_node(vertical)) or unit_of_vertical_system(vertical_code)
+        height = _length(_unit_node(vertical))
     elif horizontal is not None:
         height = _third_axis(horizontal)
     return StatedSystem(
         name=whole.name,
         epsg=_epsg(whole) or code,
+        projected_epsg=None if is_geographic or horizontal is None else code,
         vertical_epsg=vertical_code,
         is_geographic=is_geographic,
         angle_unit=angle,

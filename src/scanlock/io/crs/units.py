@@ -1,6 +1,9 @@
 """Units of length of coordinate reference systems, by EPSG code and by size."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+
+from scanlock.io.crs.epsg_feet import INTERNATIONAL_FEET, US_SURVEY_FEET
 
 _TOLERANCE = 2e-7
 """Relative tolerance between equal units; files round the US survey foot to 7 digits."""
@@ -37,25 +40,37 @@ _BY_EPSG = {
 }
 """Units of the EPSG dataset that point clouds use."""
 
-_VERTICAL = {
-    5701: METRE,  # ODN height
-    5702: US_SURVEY_FOOT,  # NGVD29 height (ftUS)
-    5703: METRE,  # NAVD88 height
-    5705: METRE,  # Baltic 1977 height
-    5709: METRE,  # NAP height
-    5711: METRE,  # AHD height
-    5773: METRE,  # EGM96 height
-    5783: METRE,  # DHHN92 height
-    6360: US_SURVEY_FOOT,  # NAVD88 height (ftUS)
-    6647: METRE,  # CGVD2013(CGG2013) height
-    7837: METRE,  # DHHN2016 height
-    7968: METRE,  # NGVD29 height (m)
-    8228: FOOT,  # NAVD88 height (ft)
+_OTHER_PROJECTED = {
+    2066: LengthUnit("Clarke's link", 0.201166195164),
+    2136: _BY_EPSG[9094],
+    2159: _BY_EPSG[9094],
+    2160: _BY_EPSG[9094],
+    2314: _BY_EPSG[9005],
+    3139: LengthUnit("link", 0.201168),
+    3140: LengthUnit("link", 0.201168),
+    3407: _BY_EPSG[9005],
+    5589: _BY_EPSG[9005],
+    22300: _BY_EPSG[9036],
+    24100: _BY_EPSG[9005],
+    30200: LengthUnit("Clarke's link", 0.201166195164),
 }
-"""Units of vertical systems by EPSG code."""
+"""Units of projected systems by EPSG code, beside metres and the two feet."""
 
-_UTM = ((32601, 32660), (32701, 32760), (26901, 26923), (25828, 25838))
-"""EPSG codes of the zones of UTM (WGS 84, NAD83, ETRS89), which are in metres by definition."""
+_HISTORIC = frozenset(
+    {3167, 5472, 24382, 24571, 27291, 27292, 29871, 29872, *range(24370, 24375)}
+    | set(range(29371, 29386))
+)
+"""Projected systems in chains, yards and legal metres, whose units count as unknown."""
+
+_VERTICAL_FEET = {
+    **dict.fromkeys((5614, 6130, 6131, 6132, 8050, 8051, 8228, 8897), FOOT),
+    **dict.fromkeys((5702, 6358, 6359, 6360, 8052, 8053), US_SURVEY_FOOT),
+}
+"""Vertical systems in feet by EPSG code, of version 11.022 of the dataset."""
+
+_VERTICAL_CODES = frozenset(range(3855, 32767)) - {5754}
+_VERTICAL_DATUMS = range(5001, 5193)
+"""Codes of vertical datums and ellipsoids, which GeoTIFF 1.0 has in place of systems."""
 
 
 def unit_of_epsg(code: int | None) -> LengthUnit | None:
@@ -63,14 +78,37 @@ def unit_of_epsg(code: int | None) -> LengthUnit | None:
     return None if code is None else _BY_EPSG.get(code)
 
 
+def epsg_of_unit(name: str) -> int | None:
+    """Return the EPSG code of a unit by its name; None if it is unknown."""
+    return next((code for code, unit in _BY_EPSG.items() if unit.name == name), None)
+
+
 def unit_of_vertical_system(code: int | None) -> LengthUnit | None:
     """Return the unit of a vertical system by its EPSG code; None if it is unknown."""
-    return None if code is None else _VERTICAL.get(code)
+    if code is None or code not in _VERTICAL_CODES or code in _VERTICAL_DATUMS:
+        return None
+    return _VERTICAL_FEET.get(code, METRE)
 
 
 def unit_of_projected_system(code: int | None) -> LengthUnit | None:
-    """Return the unit of a projected system that is in metres by definition; None otherwise."""
-    return METRE if code is not None and any(a <= code <= b for a, b in _UTM) else None
+    """Return the unit of a projected system by its EPSG code; None if it is unknown.
+
+    Systems that are not in the tables are in metres, as nearly all are.
+    """
+    if code is None or not 1024 <= code < 32767 or code in _HISTORIC:
+        return None
+    if code in _OTHER_PROJECTED:
+        return _OTHER_PROJECTED[code]
+    for unit, table in ((US_SURVEY_FOOT, US_SURVEY_FEET), (FOOT, INTERNATIONAL_FEET)):
+        if any(low <= code <= high for low, high in _ranges(table)):
+            return unit
+    return METRE
+
+
+def _ranges(table: str) -> Iterator[tuple[int, int]]:
+    for entry in table.split():
+        low, _, high = entry.partition("-")
+        yield int(low), int(high or low)
 
 
 def unit_of_size(metres: float, name: str) -> LengthUnit:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Vector
+from scanlock.arrays import Vector, short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
 from scanlock.registration.verification.candidate import Candidate, agreement_ratio
@@ -46,6 +46,8 @@ class Assessment:
     runner_up_ratio: float = math.nan
     shifted_score_ratio: float = math.nan
     overlap_centroid: Vector | None = None
+
+    __repr__ = short_repr
 
     @property
     def directions(self) -> tuple[DirectionObservability, ...]:

@@ -27,6 +27,9 @@ from scanlock.io.stations import Station
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _STATES = {"cartesianInvalidState": _CARTESIAN, "sphericalInvalidState": _SPHERICAL}
+_MAX_METADATA = 120
+"""Characters of the coordinate system that are shown."""
+
 _INTEGERS = ("u1", "i1", "u2", "i2", "u4", "i4")
 
 
@@ -60,7 +63,7 @@ def _read_station(path: Path, index: int, columns: Request) -> ScanFile:
     with opened(library, path) as file:
         scan = file.root()["data3D"][index]
         name = str(scan["name"].value()) if scan.isDefined("name") else ""
-        notes: list[str] = []
+        notes = _metadata_notes(file.root())
         pose = _pose(path, scan, notes)
         fields = _numbers(path, library, file, scan, notes)
     names, values = _with_points(path, fields, notes)
@@ -75,6 +78,14 @@ def _read_station(path: Path, index: int, columns: Request) -> ScanFile:
         file_from_station=pose,
         notes=tuple(notes),
     )
+
+
+def _metadata_notes(root: Any) -> list[str]:
+    """Return a note of the coordinate system of the file, in which the poses are."""
+    if not root.isDefined("coordinateMetadata"):
+        return []
+    text = " ".join(str(root["coordinateMetadata"].value()).split())
+    return [f"coordinate system of the poses: {text[:_MAX_METADATA]}"] if text else []
 
 
 def _pose(path: Path, scan: Any, notes: list[str]) -> Pose | None:

@@ -4,13 +4,13 @@ import math
 import struct
 from dataclasses import dataclass
 
+from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.crs.from_wkt import StatedSystem
 from scanlock.io.crs.units import (
     LengthUnit,
+    epsg_of_unit,
     unit_of_epsg,
-    unit_of_projected_system,
     unit_of_size,
-    unit_of_vertical_system,
 )
 
 _MODEL_TYPE, _CITATION = 1024, 1026
@@ -19,7 +19,7 @@ _PROJECTED_SYSTEM, _PROJECTED_CITATION = 3072, 3073
 _LENGTH_UNIT, _LENGTH_UNIT_SIZE = 3076, 3077
 _VERTICAL_SYSTEM, _VERTICAL_CITATION, _VERTICAL_UNIT = 4096, 4097, 4099
 
-_GEOGRAPHIC_MODEL = 2
+_PROJECTED_MODEL, _GEOGRAPHIC_MODEL = 1, 2
 _USER_DEFINED = 32767
 _DOUBLES, _STRINGS = 34736, 34737
 _ANGLES = {9101: "radian", 9102: "degree", 9105: "grad"}
@@ -57,7 +57,6 @@ def system_of_geo_keys(directory: bytes, doubles: bytes, strings: bytes) -> Stat
         if _MODEL_TYPE in keys.numbers
         else _GEODETIC_SYSTEM in keys.numbers
     )
-    vertical = keys.code(_VERTICAL_SYSTEM)
     size = keys.sizes.get(_LENGTH_UNIT_SIZE)
     length = keys.length(_LENGTH_UNIT)
     if length is None and size is not None and 0.0 < size < math.inf:
@@ -66,12 +65,28 @@ def system_of_geo_keys(directory: bytes, doubles: bytes, strings: bytes) -> Stat
     return StatedSystem(
         name=next((keys.texts[key] for key in citations if keys.texts.get(key)), ""),
         epsg=keys.code(_GEODETIC_SYSTEM) if is_geographic else projected,
-        vertical_epsg=vertical,
+        projected_epsg=projected,
+        vertical_epsg=keys.code(_VERTICAL_SYSTEM),
         is_geographic=is_geographic,
         angle_unit=_ANGLES.get(keys.numbers.get(_ANGLE_UNIT, 0)) if is_geographic else None,
-        horizontal=None if is_geographic else length or unit_of_projected_system(projected),
-        vertical=keys.length(_VERTICAL_UNIT) or unit_of_vertical_system(vertical),
+        horizontal=None if is_geographic else length,
+        vertical=keys.length(_VERTICAL_UNIT),
     )
+
+
+def directory_of_system(crs: CoordinateSystem) -> bytes:
+    """Return the directory of the keys that state a system by EPSG codes; empty without a code."""
+    if crs.epsg is None:
+        return b""
+    keys = {
+        _MODEL_TYPE: _GEOGRAPHIC_MODEL if crs.is_geographic else _PROJECTED_MODEL,
+        _GEODETIC_SYSTEM if crs.is_geographic else _PROJECTED_SYSTEM: crs.epsg,
+        _LENGTH_UNIT: None if crs.is_geographic else epsg_of_unit(crs.horizontal_unit),
+        _VERTICAL_SYSTEM: crs.vertical_epsg,
+        _VERTICAL_UNIT: epsg_of_unit(crs.vertical_unit),
+    }
+    rows = [(key, 0, 1, value) for key, value in sorted(keys.items()) if value is not None]
+    return b"".join(struct.pack("<4H", *row) for row in [(1, 1, 0, len(rows)), *rows])
 
 
 def _parsed(directory: bytes, doubles: bytes, strings: bytes) -> _GeoKeys:

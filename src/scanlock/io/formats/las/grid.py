@@ -1,13 +1,14 @@
 """Scales and offsets of coordinates that LAS stores as 32-bit integers."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Points, Vector
 
 _FINE = 1e-4
 """Step of coordinates that are not multiples of the step of their file [m]."""
 
-_MAX_INTEGER = 2**31 - 2
+_MIN_INTEGER, _MAX_INTEGER = -(2**31), 2**31 - 1
 
 _SLACK = 0.01
 """Deviation from a multiple of the step that counts as rounding, in steps."""
@@ -43,20 +44,31 @@ def coordinate_grid(
     return chosen[0], chosen[1]
 
 
+def on_grid(coordinates: Points, scales: Vector, offsets: Vector) -> NDArray[np.int32]:
+    """Return the (n, 3) integers that LAS stores for coordinates."""
+    return np.round((coordinates - offsets) / scales).astype(np.int32)
+
+
 def _axis_grid(values: Vector, scale: float, offset: float, metres: float) -> tuple[float, float]:
     if not (0.0 < scale < np.inf and np.isfinite(offset)):
         scale, offset = _FINE, 0.0
     steps = (values - offset) / scale
-    if np.abs(steps).max() <= _MAX_INTEGER and _are_whole(steps):
+    if _fit(steps) and _are_whole(steps):
         return scale, offset
     low, high = float(values.min()), float(values.max())
     while scale * metres > _FINE * (1.0 + 1e-9):
         scale /= 10.0
-    while (high - low) / scale > _MAX_INTEGER:
+    # A unit is left for the offset, which is rounded.
+    while (high - low + 1.0) / scale >= _MAX_INTEGER:
         scale *= 10.0
-    if max(abs(low - offset), abs(high - offset)) / scale > _MAX_INTEGER:
+    if not _fit((np.array([low, high]) - offset) / scale):
         offset = float(np.floor(low))
     return scale, offset
+
+
+def _fit(steps: Vector) -> bool:
+    whole = np.round(steps)
+    return bool(whole.min() >= _MIN_INTEGER and whole.max() <= _MAX_INTEGER)
 
 
 def _are_whole(steps: Vector) -> bool:

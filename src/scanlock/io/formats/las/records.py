@@ -11,7 +11,7 @@ from pathlib import Path
 from scanlock.io.crs.coordinate_system import CoordinateSystem, system_from_statements
 from scanlock.io.crs.from_wkt import StatedSystem, system_of_wkt
 from scanlock.io.errors import malformed
-from scanlock.io.formats.las.geo_keys import system_of_geo_keys
+from scanlock.io.formats.las.geo_keys import directory_of_system, system_of_geo_keys
 
 _SIZE, _EXTENDED_SIZE = 54, 60
 _MAX_DATA_SIZE = 2**16 - 1
@@ -70,6 +70,18 @@ def wkt_record(text: str) -> LasRecord:
         description=b"WKT",
         data=data,
         is_extended=len(data) > _MAX_DATA_SIZE,
+    )
+
+
+def key_records(crs: CoordinateSystem) -> tuple[LasRecord, ...]:
+    """Return the records of a coordinate reference system by EPSG codes; none without a code."""
+    data = directory_of_system(crs)
+    if not data:
+        return ()
+    return (
+        LasRecord(
+            user_id="LASF_Projection", record_id=_KEYS, description=b"GeoTIFF keys", data=data
+        ),
     )
 
 
@@ -174,7 +186,15 @@ def _text(record: LasRecord) -> str:
 def _completed(first: StatedSystem, other: StatedSystem) -> StatedSystem:
     if first.is_geographic != other.is_geographic:
         return first
-    names = ("name", "epsg", "vertical_epsg", "angle_unit", "horizontal", "vertical")
+    names = (
+        "name",
+        "epsg",
+        "projected_epsg",
+        "vertical_epsg",
+        "angle_unit",
+        "horizontal",
+        "vertical",
+    )
     missing = {name: getattr(other, name) for name in names if not getattr(first, name)}
     return replace(first, **missing)
 

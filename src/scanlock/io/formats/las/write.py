@@ -10,10 +10,13 @@ from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput
 from scanlock.io.formats.las.backend import import_laspy, require_backend
 from scanlock.io.formats.las.dimensions import add_dimensions, fill_dimension
-from scanlock.io.formats.las.grid import coordinate_grid
+from scanlock.io.formats.las.grid import coordinate_grid, on_grid
 from scanlock.io.formats.las.properties import LasProperties
-from scanlock.io.formats.las.records import WKT_BIT, LasRecord, wkt_record
+from scanlock.io.formats.las.records import WKT_BIT, LasRecord, key_records, wkt_record
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
+
+_INDEXED = ".copc.laz"
+"""Extension of COPC, whose points are ordered in an octree."""
 
 _MAX_COORDINATE = 1e12
 """Coordinates above this are no lengths [m]."""
@@ -30,8 +33,12 @@ _DEFAULT = LasProperties(
 )
 """Properties of scans that were not read from a LAS file."""
 
-_MIN_VERSIONS = {0: "1.1", 1: "1.1", 2: "1.2", 3: "1.2", 4: "1.3", 5: "1.3"}
-"""Minimum version of each point format; 1.4 for the others."""
+_VERSIONS = {
+    **dict.fromkeys((0, 1), ("1.1", "1.2", "1.3", "1.4")),
+    **dict.fromkeys((2, 3), ("1.2", "1.3", "1.4")),
+    **dict.fromkeys((4, 5), ("1.3", "1.4")),
+}
+"""Versions with each point format; the others are in 1.4 and 1.5."""
 
 
 def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
@@ -46,11 +53,17 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     Raises
     ------
     InvalidInput
-        NaN or Inf in the points, or values that their LAS dimension cannot hold.
+        The extension .copc.laz, NaN or Inf in the points, or values that their LAS dimension
+        cannot hold.
     MissingExtra
         laspy is not installed.
     """
     laspy = import_laspy(path)
+    if path.name.lower().endswith(_INDEXED):
+        plain = path.name[: -len(_INDEXED)] + ".laz"
+        raise InvalidInput(
+            f"{path}: COPC cannot be written; write {plain}, and index it with pdal translate"
+        )
     compressed = encoding == "compressed" or path.suffix.lower() == ".laz"
     require_backend(laspy, path, compressed=compressed)
     if not (np.abs(scan.points) < _MAX_COORDINATE).all():
@@ -69,7 +82,7 @@ def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     )
     add_dimensions(laspy, path, header, kept, fields)
     las = laspy.LasData(header)
-    las.x, las.y, las.z = coordinates.T
+    las.X, las.Y, las.Z = on_grid(coordinates, header.scales, header.offsets).T
     for name, values in fields.items():
         fill_dimension(path, las, name, values)
     las.evlrs = _laspy_records(laspy, records, is_extended=True) or None
@@ -96,9 +109,9 @@ def _old_grid(kept: LasProperties, old: Vector, units: Vector) -> tuple[Vector, 
 def _system_records(scan: ScanFile) -> tuple[LasRecord, ...]:
     if scan.crs is None:
         return ()
-    if scan.crs.records or not scan.crs.wkt:
+    if scan.crs.records:
         return scan.crs.records
-    return (wkt_record(scan.crs.wkt),)
+    return (wkt_record(scan.crs.wkt),) if scan.crs.wkt else key_records(scan.crs)
 
 
 def _new_header(
@@ -107,7 +120,8 @@ def _new_header(
     point_format = kept.point_format
     if {"red", "green", "blue"} <= set(fields):
         point_format = _COLOURED.get(point_format, point_format)
-    version = max(kept.version, _MIN_VERSIONS.get(point_format, "1.4"))
+    known = _VERSIONS.get(point_format, ("1.4", "1.5"))
+    version = kept.version if kept.version in known else known[0]
     has_wkt = any(record.has_wkt for record in records)
     is_wkt_only = has_wkt and not any(record.has_geo_keys for record in records)
     if any(record.is_extended for record in records) or is_wkt_only:

@@ -92,6 +92,8 @@ def test_a_station_is_chosen_by_number_and_by_name(tmp_path):
             read_scan(path, station=station)
     description = describe_scan(f"{path}#3")
     assert (description.points, description.size) == (8, path.stat().st_size)
+    assert description.station == "S3"
+    assert np.allclose(description.file_from_station, _POSES[2].matrix, atol=1e-12)
 
 
 @needs_pye57
@@ -175,6 +177,7 @@ def test_ranges_and_angles_are_converted(tmp_path):
     file = libe57.ImageFile(str(path), "w")
     file.extensionsAdd("", libe57.E57_V1_0_URI)
     file.root().set("data3D", libe57.VectorNode(file, True))
+    file.root().set("coordinateMetadata", libe57.StringNode(file, "EPSG:25832"))
     prototype, buffers = libe57.StructureNode(file), libe57.VectorSourceDestBuffer()
     columns = {
         "sphericalRange": distance,
@@ -200,7 +203,10 @@ def test_ranges_and_angles_are_converted(tmp_path):
     assert np.isnan(read.points[1]).all()
     kept = np.arange(_N) != 1
     assert np.abs(read.points[kept] - _POINTS[kept]).max() < 1e-12
-    assert read.notes[0] == "converted from ranges and angles"
+    assert read.notes[:2] == (
+        "coordinate system of the poses: EPSG:25832",
+        "converted from ranges and angles",
+    )
     assert read.fields["invalid"].tolist() == [0, 2] + [0] * (_N - 2)
 
 
