@@ -73,10 +73,8 @@ def refuse_foreign(path: Path, data: bytes, readable: str) -> None:
         return
     title, converter = found
     remedy = converter.format(file=path, stem=path.with_suffix(""))
-    raise FormatError(
-        f"{path}: byte 0: expected a scan, found {title} file; convert it to one of {readable}"
-        + (f": {remedy}" if remedy else " first")
-    )
+    how = f"convert it first: {remedy}" if remedy else f"convert it to one of {readable} first"
+    raise FormatError(f"{path}: byte 0: expected a scan, found {title} file; {how}")
 
 
 def refuse_packed_ply(path: Path, names: list[str]) -> None:

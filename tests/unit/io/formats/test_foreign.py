@@ -46,8 +46,10 @@ def test_the_converter_of_known_formats_is_named(save, name, content, title, com
 
 @pytest.mark.parametrize("name", ["a.bin", "a.unknown", "a.txt", "a.pcd"])
 def test_other_formats_are_recognised_under_any_name(save, name):
-    with pytest.raises(FormatError, match="found a ROS bag file; convert it to one of bin, npy"):
+    with pytest.raises(FormatError, match="found a ROS bag file; convert it first: with R"):
         read_scan(save(name, b"#ROSBAG V2.0\n" + bytes(100)))
+    with pytest.raises(FormatError, match="found a PNG file; convert it to one of bin, npy"):
+        read_scan(save(name, b"\x89PNG" + bytes(100)))
 
 
 def test_packed_splats_are_refused_with_their_converter(save):

@@ -16,6 +16,7 @@ from scanlock.io import (
     write_scan,
     write_scans,
 )
+from scanlock.io.quaternions import pose_from_quaternion
 
 needs_pye57 = pytest.mark.skipif(importlib.util.find_spec("pye57") is None, reason="needs pye57")
 
@@ -292,6 +293,53 @@ def test_a_pose_is_inserted_where_a_station_has_none(tmp_path):
 
 
 @needs_pye57
+def test_the_images_of_a_station_move_with_it(tmp_path):
+    from pye57 import libe57
+
+    path, output = _stations(tmp_path / "site.e57"), tmp_path / "b.e57"
+    image_poses = [Pose.from_step(_RNG.normal(size=6)) for _ in range(3)]
+    source, file = libe57.ImageFile(str(path), "r"), libe57.ImageFile(str(output), "w")
+    guids = [source.root()["data3D"][k]["guid"].value() for k in range(3)]
+    source.close()
+    file.extensionsAdd("", libe57.E57_V1_0_URI)
+    for key, count in (("data3D", 3), ("images2D", 3)):
+        file.root().set(key, libe57.VectorNode(file, True))
+        for k in range(count):
+            node = libe57.StructureNode(file)
+            name = "guid" if key == "data3D" else "associatedData3DGuid"
+            node.set(name, libe57.StringNode(file, guids[k]))
+            pose = _POSES[k] if key == "data3D" else image_poses[k]
+            node.set("pose", _pose_node(libe57, file, pose))
+            file.root()[key].append(node)
+    file.close()
+    write_e57_poses(output, output, [None, _POSES[0], None])
+    file = libe57.ImageFile(str(output), "r")
+    moved = [_pose_of(file.root()["images2D"][k]["pose"]) for k in range(3)]
+    file.close()
+    expected = [image_poses[0], _POSES[0] @ _POSES[1].inverse() @ image_poses[1], image_poses[2]]
+    for one, other in zip(moved, expected, strict=True):
+        assert one.is_close(other, translation=1e-12, rotation=1e-12)
+
+
+def _pose_node(libe57, file, pose):
+    node = libe57.StructureNode(file)
+    for key, axes, values in (
+        ("rotation", "wxyz", quaternion_from_rotation(pose.rotation)),
+        ("translation", "xyz", pose.translation),
+    ):
+        part = libe57.StructureNode(file)
+        for axis, value in zip(axes, values, strict=True):
+            part.set(axis, libe57.FloatNode(file, float(value)))
+        node.set(key, part)
+    return node
+
+
+def _pose_of(node):
+    translation = [node["translation"][axis].value() for axis in "xyz"]
+    return pose_from_quaternion(translation, [node["rotation"][axis].value() for axis in "wxyz"])
+
+
+@needs_pye57
 def test_poses_of_large_files_keep_the_pages_before(tmp_path):
     points = np.random.default_rng(3).normal(size=(5000, 3))
     path = _pye57_file(tmp_path / "a.e57", [("S", points, _POSES[0])])
@@ -309,11 +357,11 @@ def test_poses_of_large_files_keep_the_pages_before(tmp_path):
 def test_the_xml_section_may_stand_before_others(tmp_path):
     path = _pye57_file(tmp_path / "a.e57", [("S", _POINTS, _POSES[0])])
     data = path.read_bytes() + bytes(1020) + b"\x1c\xde\x21\x67"
-    from scanlock.io.formats.e57.poses import _sealed
+    from scanlock.io.formats.e57.pages import sealed
 
     pages = [data[k : k + 1020] for k in range(0, len(data), 1024)]
     pages[0] = pages[0][:16] + len(data).to_bytes(8, "little") + pages[0][24:]
-    path.write_bytes(b"".join(map(_sealed, pages)))
+    path.write_bytes(b"".join(map(sealed, pages)))
     write_e57_poses(path, tmp_path / "b.e57", [_POSES[1]])
     after = (tmp_path / "b.e57").read_bytes()
     assert after[1024 : len(data)] == path.read_bytes()[1024:]
