@@ -48,13 +48,13 @@ def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     return view
 
 
-def short_repr(value: Any) -> str:
+def short_repr(self: Any) -> str:
     """Return the repr of a dataclass with arrays as their shapes and numbers with four digits.
 
     Assigned to ``__repr__`` by dataclasses that hold arrays of points.
     """
-    parts = [f"{one.name}={_short(getattr(value, one.name))}" for one in fields(value) if one.repr]
-    return f"{type(value).__name__}({', '.join(parts)})"
+    parts = [f"{one.name}={_short(getattr(self, one.name))}" for one in fields(self) if one.repr]
+    return f"{type(self).__name__}({', '.join(parts)})"
 
 
 def _short(value: Any) -> str:

@@ -164,8 +164,9 @@ def test_an_interrupt_leaves_the_map_so_far_and_a_kill_its_poses(workplace, monk
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     arguments = ("map", "drive", "-o", "out")
     for moment, fresh in _interrupted_runs(arguments, number, 5):
-        # Three files for each scan, each created, filled and renamed; then all of them again.
-        scans, change = divmod(moment - 1, 9)
+        # Four files for each scan, scans.csv first, each created, filled and renamed; then all
+        # of them again.
+        scans, change = divmod(moment - 1, 12)
         added = min(scans + 1, _SCANS)
         rows = [
             _rows(name, fresh)
@@ -173,7 +174,7 @@ def test_an_interrupt_leaves_the_map_so_far_and_a_kill_its_poses(workplace, monk
         ]
         if number == signal.SIGKILL:
             is_behind = scans < _SCANS
-            assert rows == [added - (is_behind and change < end) for end in (2, 5, 8)]
+            assert rows == [added - (is_behind and change < end) for end in (5, 8, 11)]
             assert _content("map.ply") in (b"", fresh["map.ply"])
         else:
             assert rows == [added] * 3

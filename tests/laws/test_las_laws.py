@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from scanlock.io import read_scan, write_scan
@@ -46,6 +46,7 @@ def test_a_las_file_written_unchanged_is_equal(folder, scales, offsets, integers
     assert after.header.vlrs[0].string == wkt
 
 
+@example(coordinates=[(0.005, 1.0, 2.0)], scale=1.0)
 @given(
     coordinates=st.lists(st.tuples(*[st.floats(-1e8, 1e8)] * 3), min_size=1, max_size=5),
     scale=_SCALES,

@@ -106,7 +106,11 @@ Exit code: 2 if a pair is not verified.
 Examples:
   scanlock evaluate trajectory_tum.txt truth_tum.txt --picture both.png
   scanlock evaluate map/trajectory_tum.txt sequences/07
-  scanlock evaluate poses.txt 07.txt --align all --json
+  scanlock evaluate map/trajectory_kitti.txt poses/07.txt --calib calib.txt
+  scanlock evaluate poses.txt 07.txt --align all --delta 100 --unit m --json
+
+KITTI's poses of the camera are recognised and converted to the laser. A map of
+some scans is matched with the truth of all by the scan numbers beside it.
 """,
     ),
     "crispness": Command(

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,8 +77,22 @@ def write_cloud(path: Path, scan: "ScanFile") -> "ScanFile":
         scan = keep_rows(scan, has_return(scan))
     if is_las:
         scan = fitted_to_las(scan)
-    write_scan(path, scan)
+    write_scan(path, _with_viewer_colours(scan, path.suffix.lower()))
     return scan
+
+
+def _with_viewer_colours(scan: "ScanFile", suffix: str) -> "ScanFile":
+    """Return a scan with colours of 8 bits as the viewers of a format expect them."""
+    import numpy as np
+
+    from scanlock.report.label_colours import viewer_fields
+
+    names = ("red", "green", "blue")
+    if not all(name in scan.fields and scan.fields[name].dtype == np.uint8 for name in names):
+        return scan
+    colours = np.stack([scan.fields[name] for name in names], axis=1)
+    others = {name: values for name, values in scan.fields.items() if name not in names}
+    return replace(scan, fields={**others, **viewer_fields(colours, suffix)})
 
 
 def make_room(path: Path) -> None:

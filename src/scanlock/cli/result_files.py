@@ -22,7 +22,9 @@ from scanlock.errors import InvalidInput
 
 if TYPE_CHECKING:
     from scanlock.geometry.pose import Pose
+    from scanlock.registration.methods.protocol import Method
     from scanlock.registration.result import RegistrationResult
+    from scanlock.report.registration_page import ReportedScan
 
 _GROUP = Group("Files to write", sort_key=5)
 
@@ -58,6 +60,12 @@ class ResultFiles:
     ] = None
     """File for the picture."""
 
+    report: Annotated[
+        Path | None,
+        Parameter(help="Report as one page: outcome, accuracy, pictures, settings: .html."),
+    ] = None
+    """File for the report."""
+
     force: Annotated[
         Flag, Parameter(help="Write pose and clouds even if the pose is not verified.")
     ] = False
@@ -65,14 +73,20 @@ class ResultFiles:
 
     def check(self, inputs: Sequence[Path]) -> None:
         """Raise `InvalidInput` unless every file can be written; before any work."""
+        from scanlock.report.canvas import require_figures
+
         if self.output is not None:
             require_ending(self.output, POSE_ENDINGS, "the pose file")
         if self.picture is not None:
             require_picture(self.picture)
+        if self.report is not None:
+            require_ending(self.report, (".html",), "the report")
+            require_figures()
         for path in (self.aligned, self.merged):
             if path is not None:
                 require_scan_file(path)
-        files = [one for one in (self.output, self.aligned, self.merged, self.picture) if one]
+        known = (self.output, self.aligned, self.merged, self.picture, self.report)
+        files = [one for one in known if one is not None]
         for number, path in enumerate(files):
             require_folder(path)
             require_apart(path, inputs)
@@ -85,6 +99,7 @@ class ResultFiles:
         source: LoadedScan,
         target: LoadedScan,
         content: Mapping[str, Any],
+        method: "Method[Any]",
         start: "Pose | None",
     ) -> list[str]:
         """Write the files, and return a line on each, written or not."""
@@ -97,6 +112,9 @@ class ResultFiles:
         if self.picture is not None:
             _draw(self.picture, source, target, result, start)
             lines.append(f"wrote {self.picture}")
+        if self.report is not None:
+            _report(self.report, source, target, result, method, start)
+            lines.append(f"wrote {self.report}")
         return lines
 
     def _write_pose(
@@ -162,3 +180,38 @@ def _draw(
         result, source=source.returns, target=target.returns, initial=start
     )
     save_figure(path, figure)
+
+
+def _report(
+    path: Path,
+    source: LoadedScan,
+    target: LoadedScan,
+    result: "RegistrationResult",
+    method: "Method[Any]",
+    start: "Pose | None",
+) -> None:
+    from scanlock.io import atomic_file
+    from scanlock.registration.settings.file import settings_to_toml
+    from scanlock.report.registration_page import registration_page
+
+    page = registration_page(
+        result,
+        source=_reported(source),
+        target=_reported(target),
+        settings=settings_to_toml(method),
+        initial=start,
+    )
+    with atomic_file(path) as handle:
+        handle.write(page.encode())
+
+
+def _reported(scan: LoadedScan) -> "ReportedScan":
+    import numpy as np
+
+    from scanlock.report.registration_page import ReportedScan
+
+    crs = scan.file.crs
+    system = "" if crs is None else f", {crs.name or f'EPSG {crs.epsg}'}, {crs.horizontal_unit}"
+    points = scan.returns[np.isfinite(scan.returns).all(axis=1)]
+    facts = f"{len(points):,} points{system}"
+    return ReportedScan(title=scan.path.name, facts=facts, points=points)

@@ -10,20 +10,21 @@ from scanlock.io.describe import describe_scan
 from scanlock.io.formats.e57.poses import write_e57_poses
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
-from scanlock.io.poses import (
-    read_kitti_poses,
-    read_pose,
-    read_pose_matrix,
-    read_tum_poses,
-    write_kitti_poses,
-    write_pose,
-    write_tum_poses,
-)
+from scanlock.io.poses import read_pose, read_pose_matrix, write_pose
 from scanlock.io.scan_description import ScanDescription
 from scanlock.io.scan_file import ScanFile
+from scanlock.io.scan_sequence import ScanSequence
 from scanlock.io.scans import read_scan, write_scan
-from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+from scanlock.io.sequences import open_sequence
 from scanlock.io.station_files import read_scans, write_scans
+from scanlock.io.trajectory_files import (
+    read_kitti_poses,
+    read_numbered_poses,
+    read_trajectory,
+    read_tum_poses,
+    write_kitti_poses,
+    write_tum_poses,
+)
 from scanlock.io.transform import merge_scans, transform_scan
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "open_sequence",
     "read_kitti_poses",
     "read_labels",
+    "read_numbered_poses",
     "read_pose",
     "read_pose_matrix",
     "read_scan",

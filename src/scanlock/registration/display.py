@@ -115,7 +115,7 @@ def html_table(rows: Rows) -> str:
     """Format rows as an HTML table."""
     cells = (
         f"<tr><th style='text-align:left;vertical-align:top'>{html.escape(name)}</th>"
-        f"<td style='text-align:left;white-space:pre'>{html.escape(value)}</td></tr>"
+        f"<td style='text-align:left;white-space:pre-wrap'>{html.escape(value)}</td></tr>"
         for name, value in rows
     )
     return f"<table>{''.join(cells)}</table>"

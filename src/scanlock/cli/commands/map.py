@@ -207,8 +207,10 @@ class _Drive:
 
     def _write_rows(self, output: Path) -> None:
         from scanlock.io import atomic_file, write_kitti_poses, write_tum_poses
+        from scanlock.io.trajectories import SCAN_TABLE, write_scan_table
 
         times = self._sequence.times[: len(self._poses)]
+        write_scan_table(output / SCAN_TABLE, self._sequence, len(self._poses))
         write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
         write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
         with atomic_file(output / "pairs.csv") as handle:

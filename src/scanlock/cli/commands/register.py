@@ -79,6 +79,7 @@ def register(
     from scanlock.cli.method_option import chosen_method
     from scanlock.cli.results import show_history, show_registration
     from scanlock.registration.register import register as registered
+    from scanlock.registration.registry import named_method
 
     files = files or ResultFiles()
     files.check((source, target))
@@ -116,7 +117,7 @@ def register(
         if verbose:
             show_history(result)
     # After the result is printed, which a full disk must not lose.
-    for line in files.write(result, moving, fixed, content, start):
+    for line in files.write(result, moving, fixed, content, named_method(chosen)[1], start):
         if not json:
             print_line(line)
         elif not line.startswith("wrote"):

@@ -409,7 +409,8 @@ def test_aligned_and_merged_clouds_keep_every_field(scanlock, cars, tmp_path, en
     numbers = np.asarray(both.fields["scan"])
     np.testing.assert_allclose(both.points[numbers == 1], expected, atol=1e-4)
     assert (numbers == 0).sum() == (read_scan(cars[1]).points != 0.0).any(axis=1).sum()
-    assert {"red", "green", "blue", intensity} <= set(both.fields)
+    colours = {"rgb"} if ending == ".pcd" else {"red", "green", "blue"}
+    assert colours | {intensity} <= set(both.fields)
 
 
 def test_a_pose_that_is_not_verified_is_written_only_where_it_can_say_so(scanlock, scans, tmp_path):
@@ -463,3 +464,25 @@ def test_an_output_over_an_input_or_another_output_is_refused(scanlock, cars, tm
     twice = scanlock("register", *cars, "--aligned", path, "--merged", path)
     assert (twice.code, path.exists()) == (1, False)
     assert "two outputs" in twice.err
+
+
+def test_a_report_is_one_page_with_outcome_accuracy_pictures_and_settings(scanlock, cars, tmp_path):
+    path = tmp_path / "report.html"
+    done = scanlock("register", *cars, "--report", path, "--method", "gicp")
+    assert done.out.endswith(f"wrote {path}\n")
+    page = path.read_text("utf-8")
+    for expected in (
+        "source.ply onto target.ply",
+        "<strong>ok</strong>",
+        "at one sigma",
+        "by axis",
+        "pose",
+        "[search]",
+        "max_correspondence_distances",
+    ):
+        assert expected in page
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page
+    again = tmp_path / "again.html"
+    scanlock("register", *cars, "--report", again, "--method", "gicp")
+    assert again.read_bytes() == path.read_bytes()

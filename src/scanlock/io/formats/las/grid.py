@@ -10,8 +10,8 @@ _FINE = 1e-4
 
 _MIN_INTEGER, _MAX_INTEGER = -(2**31), 2**31 - 1
 
-_SLACK = 0.01
-"""Deviation from a multiple of the step that counts as rounding, in steps."""
+_ROUNDING = 8.0 * float(np.finfo(np.float64).eps)
+"""Relative rounding of coordinates that were scaled, shifted and converted to metres and back."""
 
 
 def coordinate_grid(
@@ -53,7 +53,8 @@ def _axis_grid(values: Vector, scale: float, offset: float, metres: float) -> tu
     if not (0.0 < scale < np.inf and np.isfinite(offset)):
         scale, offset = _FINE, 0.0
     steps = (values - offset) / scale
-    if _fit(steps) and _are_whole(steps):
+    magnitude = max(float(np.abs(values).max()), abs(offset)) / scale
+    if _fit(steps) and _are_whole(steps, _ROUNDING * magnitude):
         return scale, offset
     low, high = float(values.min()), float(values.max())
     while scale * metres > _FINE * (1.0 + 1e-9):
@@ -71,5 +72,5 @@ def _fit(steps: Vector) -> bool:
     return bool(whole.min() >= _MIN_INTEGER and whole.max() <= _MAX_INTEGER)
 
 
-def _are_whole(steps: Vector) -> bool:
-    return bool((np.abs(steps - np.round(steps)) <= _SLACK).all())
+def _are_whole(steps: Vector, rounding: float) -> bool:
+    return bool((np.abs(steps - np.round(steps)) <= rounding).all())
