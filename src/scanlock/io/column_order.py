@@ -48,7 +48,7 @@ def refuse_other_order(path: Path, columns: Sequence[Field]) -> None:
         path,
         "data",
         expected="x, y, z in the first three columns",
-        found=f"{kind} in the first ({first[0]:.10g}, {first[1]:.10g}, {first[2]:.10g}, ...)",
+        found=f"{kind} in the first ({first[0]:.13g}, {first[1]:.13g}, {first[2]:.13g}, ...)",
         remedy=f'pass columns="{name} x y z{others}" if that is the order, else '
         f'columns="x y z column_4{others}"',
     )

@@ -30,6 +30,8 @@ _NAMES = {4: ("intensity",), 6: ("red", "green", "blue"), 7: ("intensity", "red"
 """Names of the columns after z by the number of columns."""
 
 _GRID = ("column", "row")
+_IMPLIED = (*_GRID, "invalid")
+"""Fields that the places of the lines and their zeros express."""
 
 
 def is_ptx(data: bytes) -> bool:
@@ -146,7 +148,7 @@ def _as_colour(name: str, column: Field) -> Field:
 
 
 def _written_columns(path: Path, scan: ScanFile) -> list[Field]:
-    fields = {key: part for key, part in flat_fields(path, scan).items() if key not in _GRID}
+    fields = {key: part for key, part in flat_fields(path, scan).items() if key not in _IMPLIED}
     colours = [name in fields for name in ("red", "green", "blue")]
     other = set(fields) - {"intensity", "red", "green", "blue"}
     if other or any(colours) != all(colours):

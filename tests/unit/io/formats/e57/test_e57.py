@@ -390,3 +390,11 @@ def test_without_pye57_the_extra_is_named(tmp_path, monkeypatch):
     with pytest.raises(MissingExtra, match=r'pip install "scanlock\[e57\]"'):
         write_scan(tmp_path / "b.e57", _POINTS)
     assert not (tmp_path / "b.e57").exists()
+
+
+@needs_pye57
+def test_stations_are_converted_to_ptx(tmp_path):
+    write_scans(tmp_path / "a.ptx", read_scans(_stations(tmp_path / "site.e57")))
+    for scan, pose in zip(read_scans(tmp_path / "a.ptx"), _POSES, strict=True):
+        assert scan.points[2].tolist() == [0, 0, 0]
+        assert scan.file_from_station.is_close(pose, translation=1e-12, rotation=1e-12)
