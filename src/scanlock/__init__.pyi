@@ -101,6 +101,9 @@ from scanlock.report.registration_figure import registration_figure as registrat
 # Files
 from scanlock.io import read_scan as read_scan
 from scanlock.io import write_scan as write_scan
+from scanlock.io import read_scans as read_scans
+from scanlock.io import write_scans as write_scans
+from scanlock.io import write_e57_poses as write_e57_poses
 from scanlock.io import ScanFile as ScanFile
 from scanlock.io import transform_scan as transform_scan
 from scanlock.io import merge_scans as merge_scans

@@ -6,13 +6,16 @@ import pytest
 
 from reference.scan_formats import read_float32, read_pcd, read_ply, read_table
 from scanlock.errors import FormatError
+from scanlock.geometry.pose import Pose
 from scanlock.io import (
     describe_scan,
     read_kitti_poses,
     read_labels,
     read_pose,
     read_scan,
+    read_scans,
     read_tum_poses,
+    write_e57_poses,
     write_scan,
 )
 
@@ -209,11 +212,60 @@ def test_truncated_real_files_are_refused(scan_data, tmp_path, name):
             read_scan(truncated)
 
 
-def test_other_formats_are_refused(scan_data):
-    for pattern, count in (("vtk/*.vtk", 3), ("formats/*/*.pcap", 6)):
-        for path in _files(scan_data, pattern, count):
-            with pytest.raises(FormatError, match="convert it"):
-                read_scan(path)
+def test_vtk_files_of_libpointmatcher(scan_data):
+    for path in _files(scan_data, "vtk/*.vtk", 3):
+        lines = path.read_text().splitlines()
+        count = int(lines[4].split()[1])
+        rows = np.loadtxt(lines[5 : 5 + count], dtype=np.float32)
+        assert np.array_equal(read_scan(path).points, rows)
+
+
+def test_stations_of_e57_files_agree_with_pye57(scan_data, tmp_path):
+    pye57 = pytest.importorskip("pye57")
+    counts = {}
+    for path in _files(scan_data, "formats/e57/*.e57", 6):
+        scans = read_scans(path)
+        counts[path.name] = [len(scan) for scan in scans]
+        with pye57.E57(str(path)) as file:
+            for k, scan in enumerate(scans):
+                raw = file.read_scan_raw(k, ignore_unsupported_fields=True)
+                xyz = np.stack([raw[f"cartesian{axis}"] for axis in "XYZ"], axis=1)
+                assert np.array_equal(scan.points, xyz)
+                assert scan.station == file.get_header(k)["name"].value()
+                for theirs, ours in (("colorRed", "red"), ("rowIndex", "row")):
+                    assert (theirs in raw) == (ours in scan.fields)
+                    if theirs in raw:
+                        assert np.array_equal(scan.fields[ours], raw[theirs])
+        poses = [Pose.from_step(np.arange(6.0) + k) for k in range(len(scans))]
+        write_e57_poses(path, tmp_path / "moved.e57", poses)
+        for scan, moved, pose in zip(scans, read_scans(tmp_path / "moved.e57"), poses, strict=True):
+            assert np.array_equal(scan.points, moved.points)
+            assert moved.file_from_station.is_close(pose, translation=0, rotation=1e-15)
+        assert _binary_sections(path) == _binary_sections(tmp_path / "moved.e57")
+    assert sorted(map(sum, counts.values())) == [2, 2, 4, 6, 6, 155_201]
+    normals = read_scan(scan_data / "formats" / "e57" / "testWithNormals.e57")
+    assert list(normals.fields) == ["nx", "ny", "nz"]
+    shifted = read_scan(scan_data / "formats" / "e57" / "translationWithoutRotation.e57")
+    assert shifted.file_from_station == Pose(np.eye(3), [4.0, 5.0, 6.0])
+    with pytest.raises(FormatError, match="found 2 stations: 1 'B2 - Cloud'"):
+        read_scan(scan_data / "formats" / "e57" / "A_B.e57")
+
+
+def _binary_sections(path):
+    """Return all before the XML section, without the header and the checksums."""
+    data = path.read_bytes()
+    logical = b"".join(data[k : k + 1020] for k in range(0, len(data), 1024))
+    offset = int.from_bytes(data[24:32], "little")
+    return logical[48 : offset // 1024 * 1020 + offset % 1024]
+
+
+def test_packet_captures_bags_and_trajectories_are_refused(scan_data):
+    for path in _files(scan_data, "formats/*/*.pcap", 6):
+        with pytest.raises(FormatError, match=f"ouster-cli source {path} save"):
+            read_scan(path)
+    for path in _files(scan_data, "formats/mcap/*.mcap", 1):
+        with pytest.raises(FormatError, match=r"ros2 run pcl_ros pointcloud_to_pcd"):
+            read_scan(path)
     with pytest.raises(FormatError, match="poses of a trajectory"):
         read_scan(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
 

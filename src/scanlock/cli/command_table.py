@@ -18,7 +18,8 @@ class Command:
 
 
 _READING = """\
-Scans: .bin (KITTI), .npy, .npz, .pcd, .ply, .las, .laz, .txt, .xyz, .csv and more.
+Scans: .bin (KITTI), .npy, .pcd, .ply, .las, .laz, .e57, .ptx, .txt, .csv and more;
+scan.e57#2 is the second station of a file.
 """
 
 COMMANDS = {

@@ -38,7 +38,10 @@ def require_picture(path: Path) -> None:
 
 def require_apart(path: Path, inputs: Sequence[Path]) -> None:
     """Raise `InvalidInput` if an output file is one of the input files."""
-    for other in inputs:
+    from scanlock.io.stations import split_station
+
+    for named in inputs:
+        other, _ = split_station(named)
         if path.exists() and other.exists() and path.samefile(other):
             raise InvalidInput(
                 f"{path} is an input file and would be overwritten; use another name"

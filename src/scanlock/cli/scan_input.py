@@ -82,9 +82,12 @@ class Reading:
 
     columns: Annotated[
         str | None,
-        Parameter(help='Columns of a file without names: 4, or "x y z intensity".'),
+        Parameter(
+            help='Columns: 4 or "x y z intensity" of a file without names; '
+            '"x=easting y=northing z=height" of one with names.'
+        ),
     ] = None
-    """Number or names of the columns of a headerless file."""
+    """Number or names of the columns, or a choice among those of the file."""
 
     scale: Annotated[
         float | None,

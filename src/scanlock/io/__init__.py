@@ -7,6 +7,7 @@ checked in `scanlock.clouds`, and settings files are read in `scanlock.registrat
 from scanlock.io.atomic import atomic_file
 from scanlock.io.crs import CoordinateSystem
 from scanlock.io.describe import describe_scan
+from scanlock.io.formats.e57.poses import write_e57_poses
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
 from scanlock.io.poses import read_pose, read_pose_matrix, write_pose
@@ -15,6 +16,7 @@ from scanlock.io.scan_file import ScanFile
 from scanlock.io.scan_sequence import ScanSequence
 from scanlock.io.scans import read_scan, write_scan
 from scanlock.io.sequences import open_sequence
+from scanlock.io.station_files import read_scans, write_scans
 from scanlock.io.trajectory_files import (
     read_kitti_poses,
     read_numbered_poses,
@@ -42,12 +44,15 @@ __all__ = [
     "read_pose",
     "read_pose_matrix",
     "read_scan",
+    "read_scans",
     "read_trajectory",
     "read_tum_poses",
     "transform_scan",
+    "write_e57_poses",
     "write_kitti_poses",
     "write_labels",
     "write_pose",
     "write_scan",
+    "write_scans",
     "write_tum_poses",
 ]

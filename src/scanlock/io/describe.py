@@ -9,6 +9,7 @@ import numpy as np
 
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.geometry.pose import Pose
 from scanlock.io.errors import malformed
 from scanlock.io.formats.registry import FORMATS
 from scanlock.io.scan_description import (
@@ -27,6 +28,7 @@ from scanlock.io.scan_guesses import (
     unit_questions,
 )
 from scanlock.io.scans import Columns, read_scan
+from scanlock.io.stations import split_station
 
 _MAX_QUERIES = 5000
 """Number of points whose nearest neighbour is searched for the spacing, about."""
@@ -80,7 +82,7 @@ def describe_scan(
         format=scan.format,
         title=FORMATS[scan.format].title,
         encoding=scan.encoding,
-        size=path.stat().st_size,
+        size=split_station(path)[0].stat().st_size,
         points=len(scan),
         width=scan.width,
         height=scan.height,
@@ -96,6 +98,8 @@ def describe_scan(
         spacing=spacing,
         large_coordinates=bool(origin.any()),
         origin=_triple(origin),
+        station=scan.station,
+        file_from_station=_rows(scan.file_from_station),
         metres_per_unit=scan.metres_per_unit,
         system=_system_summary(scan),
         las=_las_summary(scan),
@@ -105,6 +109,10 @@ def describe_scan(
         guesses=_guesses(scan, usable - origin, ring_count, times),
         notes=(*scan.notes, *_notes(scan, usable)),
     )
+
+
+def _rows(pose: Pose | None) -> tuple[tuple[float, ...], ...] | None:
+    return None if pose is None else tuple(tuple(row) for row in pose.matrix.tolist())
 
 
 def _usable_points(path: Path, scan: ScanFile) -> tuple[Points, int, int]:

@@ -152,6 +152,13 @@ class ScanDescription:
     origin: tuple[float, float, float]
     """Offset that registration subtracts first [m]; zero unless `large_coordinates`."""
 
+    station: str
+    """Name of the station, for formats that name their scans; else empty."""
+
+    file_from_station: tuple[tuple[float, ...], ...] | None
+    """Pose of the station in the frame of the file, as the rows of a (4, 4) matrix; None if the
+    file has no pose."""
+
     metres_per_unit: tuple[float, float, float]
     """Factors from the unit of the file to metres, applied on reading."""
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scanlock.arrays import Points, frozen, short_repr
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.io.columns import find_coordinates, unique_names
+from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
 from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.errors import malformed
 from scanlock.io.formats.las.properties import LasProperties
@@ -58,6 +58,17 @@ class ScanFile:
 
     viewpoint: Pose | None = None
     """Pose of the sensor in the frame of the points, for formats that store one (PCD)."""
+
+    station: str = ""
+    """Name of the station, for formats that name their scans (E57)."""
+
+    file_from_station: Pose | None = None
+    """Pose of the station in the frame of the file, for formats that store one (E57, PTX).
+
+    The points are in the frame of the station, with the scanner at the origin by convention;
+    ``scan.file_from_station @ scan.points`` are in the frame of the file. None if the file has
+    no pose.
+    """
 
     crs: CoordinateSystem | None = None
     """Coordinate reference system; None if the file states none. `write_scan` writes LAS files in
@@ -119,6 +130,9 @@ def scan_from_columns(
     path: Path,
     names: Sequence[str],
     columns: Sequence[Field],
+    *,
+    request: Request = None,
+    named: bool = True,
     **attributes: Any,
 ) -> ScanFile:
     """Build a scan from named columns; x, y and z become the points.
@@ -128,15 +142,21 @@ def scan_from_columns(
     path : Path
         The file, for messages.
     names, columns : sequences of equal length
+    request, named
+        Columns that the caller wants, and whether the names are those of the file; see
+        `scanlock.io.columns.select_columns`.
     **attributes
         Further attributes of `ScanFile`: ``format``, ``notes``, ...
 
     Raises
     ------
     FormatError
-        Names without x, y and z, coordinates that are not scalar numbers, or no row.
+        Names without x, y and z, coordinates that are not scalar numbers, no row, or columns
+        that the file does not have.
     """
-    names = unique_names(names)
+    chosen = select_columns(path, unique_names(names), request, named=named)
+    names = [name for name, _ in chosen]
+    columns = [columns[index] for _, index in chosen]
     axes = find_coordinates(names)
     if axes is None:
         raise malformed(
@@ -144,7 +164,7 @@ def scan_from_columns(
             "header",
             expected="columns named x, y and z",
             found=", ".join(names),
-            remedy="rename them, or pass columns= for a format without names",
+            remedy='say which they are, as in columns="x=easting y=northing z=height"',
         )
     count = len(columns[axes[0]])
     if count == 0:

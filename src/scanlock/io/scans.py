@@ -9,14 +9,21 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scanlock.arrays import Vector
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
 from scanlock.io.crs.coordinate_system import unit_notes
-from scanlock.io.errors import read_bytes
-from scanlock.io.formats.registry import FORMATS, detect_format, format_of_name, require_format
+from scanlock.io.formats.registry import (
+    FORMATS,
+    WRITABLE,
+    format_of_name,
+    open_contents,
+    require_format,
+)
 from scanlock.io.scan_file import ScanFile
+from scanlock.io.stations import choose_station, split_station
 
 Encoding = Literal["binary", "ascii", "compressed"]
 
@@ -29,6 +36,7 @@ def read_scan(
     format: str | None = None,
     *,
     columns: Columns = None,
+    station: int | str | None = None,
     scale: float | None = None,
 ) -> ScanFile:
     """Read a scan from a file, in metres.
@@ -39,13 +47,16 @@ def read_scan(
     Parameters
     ----------
     path : path-like
-        The file.
+        The file, or a station of it: ``"site.e57#2"``.
     format : str, optional
         A key of `FORMATS`. By default it is detected from the extension and the content, which
         must agree.
     columns : int or str or sequence of str, optional
-        Number (``3``) or names (``"x y z label"``) of the columns of a file without a header.
+        Number (``3``) or names (``"x y z label"``) of the columns of a file without names, or a
+        choice among the columns of a file with names (``"x=easting y=northing z=height"``).
         Guessed from the values by default; the guess is recorded in ``notes``.
+    station : int or str, optional
+        Number (from 1) or name of the scan in a file of several (E57, PTX, PTS).
     scale : float, optional [m]
         Size of the unit of the file, in place of the one that the file states: 0.001 for
         millimetres.
@@ -59,24 +70,33 @@ def read_scan(
     FileNotFoundError
         The file does not exist.
     FormatError
-        The file is empty, truncated, mislabelled or malformed; the message says where, and gives
-        a remedy.
+        The file is empty, truncated, mislabelled or malformed, or holds several stations of which
+        none is chosen; the message says where, and gives a remedy.
     MissingExtra
         The format needs an optional dependency that is not installed.
     InvalidInput
-        An unknown `format`, invalid `columns`, or `columns` for a format that names its own; a
-        `scale` that is not positive, or for degrees.
+        An unknown `format` or `station`, invalid `columns`, or a `scale` that is not positive or
+        for degrees.
     """
     asked = requested_names(columns)
     if scale is not None:
         require_positive("scale", scale, "m")
-    path = Path(path)
-    data = read_bytes(path, "scan")
-    scan = FORMATS[detect_format(path, data, format)].read(path, data, asked)
-    return scan if scale is None else _rescaled(scan, scale)
+    path, named = split_station(Path(path))
+    known, data = open_contents(path, format)
+    choice = named if station is None else station
+    if choice is None:
+        scan = known.read(path, data, asked)
+    elif known.stations is None:
+        raise InvalidInput(
+            f"{path}: station must be left out for {known.title}, which holds one scan, got "
+            f"{choice!r}"
+        )
+    else:
+        scan = choose_station(path, known.stations(path, data), choice).read(asked)
+    return scan if scale is None else rescaled(scan, scale)
 
 
-def _rescaled(scan: ScanFile, scale: float) -> ScanFile:
+def rescaled(scan: ScanFile, scale: float) -> ScanFile:
     """Return a scan whose file has another unit [m] than the reader took."""
     crs = scan.crs
     stated = () if crs is None else unit_notes(crs)
@@ -87,12 +107,18 @@ def _rescaled(scan: ScanFile, scale: float) -> ScanFile:
         scan,
         points=scan.points * factors,
         crs=crs,
+        viewpoint=_rescaled_pose(scan.viewpoint, factors),
+        file_from_station=_rescaled_pose(scan.file_from_station, factors),
         metres_per_unit=(scale,) * 3,
         notes=(
             *(note for note in scan.notes if note not in stated),
             f"read in units of {scale:g} m, as asked",
         ),
     )
+
+
+def _rescaled_pose(pose: Pose | None, factors: Vector) -> Pose | None:
+    return None if pose is None else Pose(pose.rotation, pose.translation * factors)
 
 
 def write_scan(
@@ -146,6 +172,11 @@ def write_scan(
             f"format= as one of {', '.join(FORMATS)}"
         )
     known = FORMATS[name]
+    if known.write is None:
+        raise InvalidInput(
+            f"{path}: {known.title} cannot be written; the formats that can are "
+            f"{', '.join(WRITABLE)}"
+        )
     chosen = known.encodings[0] if encoding is None else encoding
     if chosen not in known.encodings:
         raise InvalidInput(
@@ -161,14 +192,14 @@ def write_scan(
                 "fields, height and viewpoint must not be given beside a ScanFile, which has its "
                 "own; use dataclasses.replace(scan, fields=...)"
             )
-        scan = _scan_in_format(points, name)
+        scan = scan_in_format(points, name)
     else:
         scan = _scan_to_write(points, fields or {}, name, height, viewpoint)
     with atomic_file(path) as handle:
         known.write(path, handle, scan, chosen)
 
 
-def _scan_in_format(scan: ScanFile, name: str) -> ScanFile:
+def scan_in_format(scan: ScanFile, name: str) -> ScanFile:
     """Return a scan for the writer of a format, with float32 or float64 coordinates."""
     is_short = scan.coordinate_dtype in ("float32", "float16")
     if is_short:

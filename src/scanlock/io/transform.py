@@ -45,7 +45,8 @@ def transform_scan(scan: ScanFile, pose: Pose) -> ScanFile:
     Returns
     -------
     ScanFile
-        With the same rows. A row at (0, 0, 0), where the sensor had no return, becomes NaN.
+        With the same rows. A row at (0, 0, 0), where the sensor had no return, becomes NaN. The
+        points are no longer in the frame of a station, so that `file_from_station` is None.
     """
     blank = is_blank(scan)
     points = pose.apply(scan.points)
@@ -60,7 +61,7 @@ def transform_scan(scan: ScanFile, pose: Pose) -> ScanFile:
         if name in fields and fields[name].shape == (len(scan), 3):
             fields[name] = (fields[name] @ pose.rotation.T).astype(fields[name].dtype)
     viewpoint = None if scan.viewpoint is None else pose @ scan.viewpoint
-    return replace(scan, points=points, fields=fields, viewpoint=viewpoint)
+    return replace(scan, points=points, fields=fields, viewpoint=viewpoint, file_from_station=None)
 
 
 def merge_scans(scans: Sequence[ScanFile], *, colours: bool = True) -> ScanFile:
@@ -82,10 +83,15 @@ def merge_scans(scans: Sequence[ScanFile], *, colours: bool = True) -> ScanFile:
     Raises
     ------
     InvalidInput
-        No scans, or fields of one name with different widths.
+        No scans, stations in frames of their own, or fields of one name with different widths.
     """
     if not scans:
         raise InvalidInput("scans must hold at least one scan, got none")
+    if len({scan.file_from_station for scan in scans} - {None}) > 1:
+        raise InvalidInput(
+            "scans must be in one frame, got stations with different poses in their file; move "
+            "each with transform_scan(scan, scan.file_from_station) first"
+        )
     scans = [keep_rows(scan, has_return(scan)) for scan in scans]
     fields = {name: _joined(name, scans) for name in _field_names(scans)}
     counts = [len(scan) for scan in scans]
@@ -100,6 +106,8 @@ def merge_scans(scans: Sequence[ScanFile], *, colours: bool = True) -> ScanFile:
         width=sum(counts),
         height=1,
         viewpoint=None,
+        station="",
+        file_from_station=None,
         coordinate_dtype=_wider(scan.coordinate_dtype for scan in scans),
         notes=(),
     )

@@ -99,3 +99,18 @@ def test_kept_rows_of_an_organised_scan_are_unorganised():
     assert keep_rows(scan, np.ones(6, bool)).height == 2
     kept = keep_rows(scan, np.arange(6) < 4)
     assert (kept.width, kept.height) == (4, 1)
+
+
+def test_stations_are_moved_before_they_are_merged():
+    poses = [Pose(np.eye(3), [float(k), 0.0, 0.0]) for k in range(2)]
+    stations = [
+        ScanFile(points=np.ones((2, 3)), fields={}, format="e57", file_from_station=pose)
+        for pose in poses
+    ]
+    with pytest.raises(InvalidInput, match="stations with different poses in their file"):
+        merge_scans(stations)
+    moved = [transform_scan(scan, scan.file_from_station) for scan in stations]
+    assert [scan.file_from_station for scan in moved] == [None, None]
+    merged = merge_scans(moved)
+    assert merged.points[:, 0].tolist() == [1, 1, 2, 2]
+    assert merged.file_from_station is None

@@ -1,5 +1,6 @@
 """``scanlock info``: describe a scan file."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,6 +53,7 @@ def _facts(about: "ScanDescription") -> "Facts":
     rows: Facts = [
         ("format", f"{about.title}{encoding}, {about.size / 1e6:.2f} MB"),
         *_las(about),
+        *_station(about),
         ("points", f"{about.points:,}{organised}"),
         ("dropped", f"{about.not_finite:,} with NaN or Inf, {about.zeros:,} at (0, 0, 0)"),
         ("duplicates", f"{about.duplicates:,}"),
@@ -85,6 +87,18 @@ def _las(about: "ScanDescription") -> "Facts":
     units = about.system.horizontal_unit, about.system.vertical_unit
     heights = "" if units[0] == units[1] else f", heights in {units[1]}"
     rows.append(("unit", f"{units[0]}{heights}"))
+    return rows
+
+
+def _station(about: "ScanDescription") -> "Facts":
+    """Return the name of the station, and its position and rotation in the frame of the file."""
+    rows: Facts = [("station", about.station)] if about.station else []
+    if about.file_from_station is not None:
+        x, y, z = (row[3] for row in about.file_from_station[:3])
+        trace = sum(about.file_from_station[k][k] for k in range(3))
+        angle = math.degrees(math.acos(min(1.0, max(-1.0, (trace - 1.0) / 2.0))))
+        place = f"at ({x:.3f}, {y:.3f}, {z:.3f}) m in the file, rotated by {angle:.2f} deg"
+        rows.append(("pose", place))
     return rows
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from scanlock.cli.method_option import Changes
 from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
 from scanlock.cli.result_files import ResultFiles
 from scanlock.cli.scan_input import LoadedScan, Reading, system_notes
@@ -26,6 +27,7 @@ def register(
     *,
     method: MethodName | None = None,
     settings: Path | None = None,
+    changes: Changes = (),
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
     prior: Annotated[tuple[float, float] | None, Parameter(negative="")] = None,
@@ -84,7 +86,7 @@ def register(
     files = files or ResultFiles()
     files.check((source, target))
     begin = time.perf_counter()
-    chosen = chosen_method(method, settings)
+    chosen = chosen_method(method, settings, changes)
     given, start = (None, None) if initial is None else _read_initial(initial)
     gaussian = None if prior is None else _prior(start, *prior)
     moving, fixed = ((reading or Reading()).load(path) for path in (source, target))
