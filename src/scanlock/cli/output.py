@@ -55,10 +55,11 @@ def require_folder(path: Path) -> None:
 
 
 def require_scan_file(path: Path) -> None:
-    """Raise `InvalidInput` unless the ending of a file is that of a scan format."""
+    """Raise `InvalidInput` unless the ending of a file is that of a format that is written."""
     from scanlock.io.formats.registry import FORMATS
 
-    endings = [ending for known in FORMATS.values() for ending in known.extensions]
+    written = [known for known in FORMATS.values() if known.write is not None]
+    endings = [ending for known in written for ending in known.extensions]
     require_ending(path, endings, "the cloud")
 
 

@@ -38,6 +38,7 @@ def test_the_inverse_returns_the_cloud(scanlock, cloud, tmp_path):
     ("name", "part"),
     [
         ("moved.jpg", "the cloud must end in"),
+        ("moved.vtp", "the cloud must end in"),
         ("new/moved.ply", "is no folder"),
         ("cloud.ply", "overwritten"),
     ],
