@@ -96,11 +96,6 @@ def _with_viewer_colours(scan: "ScanFile", suffix: str) -> "ScanFile":
     return replace(scan, fields={**others, **viewer_fields(colours, suffix)})
 
 
-def make_room(path: Path) -> None:
-    """Create the folder of a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-
-
 def is_due(count: int) -> bool:
     """Return whether to rewrite a growing table at this number of rows.
 

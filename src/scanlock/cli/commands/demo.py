@@ -38,11 +38,13 @@ def demo(
 
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, waiting
+    from scanlock.cli.output import require_folder
     from scanlock.cli.results import show_registration
     from scanlock.registration.register import register
     from scanlock.simulation import scan_pair
 
-    output.mkdir(parents=True, exist_ok=True)
+    require_folder(output)
+    output.mkdir(exist_ok=True)
     begin = time.perf_counter()
     with compile_watch() as watch:
         with waiting("simulating a street and two scans of it"):

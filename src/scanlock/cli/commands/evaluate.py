@@ -71,7 +71,7 @@ def evaluate(
         Print all numbers as JSON, and nothing else.
     """
     from scanlock.cli.console import print_json, print_line
-    from scanlock.cli.output import make_room, require_picture
+    from scanlock.cli.output import require_folder, require_picture
     from scanlock.cli.trajectory_pair import in_one_frame, pair_trajectories
     from scanlock.evaluation.error_summary import summarise
     from scanlock.evaluation.trajectory_errors import relative_errors
@@ -81,6 +81,7 @@ def evaluate(
 
     if picture is not None:
         require_picture(picture)
+        require_folder(picture)
     if first is not None:
         require_count("--first", first, 2)
     true = open_trajectory(truth)
@@ -91,7 +92,6 @@ def evaluate(
     relative = {"delta": delta, "unit": unit, "pairs": len(motions), "all_pairs": all_pairs}
     content = _content(pair, align, relative | summarise(motions))
     if picture is not None:
-        make_room(picture)
         figure = trajectory_figure(
             *poses,
             alignment=align,

@@ -139,7 +139,11 @@ class _Folder:
         scans = self._path / "scans"
         if scans.exists() and any(scans.iterdir()):
             raise InvalidInput(f"{scans} contains scans already; use another folder, or remove it")
-        scans.mkdir(parents=True, exist_ok=True)
+        from scanlock.cli.output import require_folder
+
+        require_folder(self._path)
+        self._path.mkdir(exist_ok=True)
+        scans.mkdir(exist_ok=True)
         (self._path / "labels").mkdir(exist_ok=True)
 
     def add(self, scan: "SimulatedScan") -> None:
