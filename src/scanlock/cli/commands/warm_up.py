@@ -48,7 +48,7 @@ def _compile_in(processes: int) -> None:
     """Compile the kernels of all steps in a number of processes that share a cache on disk."""
     from multiprocessing import get_context
 
-    from scanlock.cli.interrupts import children_ignore_interrupts
+    from scanlock.interrupts import children_ignore_interrupts
 
     if processes < 2:
         return
