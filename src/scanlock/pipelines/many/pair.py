@@ -1,9 +1,8 @@
 """Pairs of scans to register: paths or arrays, from Python or from a table."""
 
 import csv
-import itertools
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -139,18 +138,13 @@ def read_pairs(path: str | os.PathLike[str]) -> Iterator[Pair]:
             yield _pair_of_row(path.parent, dict(zip(header, row, strict=True)))
 
 
-def count_pairs(path: str | os.PathLike[str]) -> int:
-    """Return the number of pairs of a table."""
-    with Path(path).open(encoding="utf-8-sig", newline="") as handle:
-        rows = sum(any(cell.strip() for cell in row) for row in csv.reader(handle))
-    return max(0, rows - 1)
-
-
-def chunks(pairs: Iterable[Pair], count: int) -> Iterator[list[Pair]]:
-    """Yield consecutive lists of up to `count` pairs."""
-    rest = iter(pairs)
-    while found := list(itertools.islice(rest, count)):
-        yield found
+def extra_columns(path: str | os.PathLike[str]) -> list[str]:
+    """Return the columns of a table that its results repeat."""
+    path = Path(path)
+    with path.open(encoding="utf-8-sig", newline="") as handle:
+        header = [name.strip() for name in next(csv.reader(handle), [])]
+    _check_header(path, header)
+    return [name for name in header if name not in _KNOWN]
 
 
 def _check_header(path: Path, header: list[str]) -> None:
