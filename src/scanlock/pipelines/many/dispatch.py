@@ -88,9 +88,10 @@ class Dispatch:
 
     def _after_death(self, batch: Batch) -> list[Batch]:
         """Return what to run again of a batch whose worker died."""
-        if not batch.is_suspect:
-            return [replace(batch, is_suspect=True)]
         count = len(batch.pairs)
+        # A cluster has run the batch again by itself, so it is split at once.
+        if not batch.is_suspect and (count == 1 or self._workers.max_deaths > 1):
+            return [replace(batch, is_suspect=True)]
         if count > 1:
             return [batch.part(0, count // 2), batch.part(count // 2, count)]
         batch = replace(batch, deaths=batch.deaths + 1)

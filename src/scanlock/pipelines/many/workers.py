@@ -53,7 +53,7 @@ class Workers(Protocol):
 
     @property
     def max_deaths(self) -> int:
-        """Number of workers that a pair may end before it becomes an error."""
+        """Number of workers that a pair alone must end to become an error; 1 with own retries."""
         ...
 
     def count(self) -> int:
