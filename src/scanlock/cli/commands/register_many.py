@@ -84,6 +84,8 @@ def register_many(
     run = _Run(pairs, output, total)
     left = run.pairs_left(named_method(chosen)[0], resume)
     options = reading or Reading()
+    if scheduler is None:
+        _compile_missing()
     rows = registered(
         left,
         method=chosen,
@@ -165,6 +167,16 @@ class _Run:
 
     def _first_reasons(self) -> list[tuple[str, int]]:
         return self._reasons.most_common(_REASONS)
+
+
+def _compile_missing() -> None:
+    """Compile the kernels of the default method once, before every worker would."""
+    from scanlock.cli.compile_notice import CompileWatch
+    from scanlock.registration.compile_ahead import missing_kernels
+
+    missing = missing_kernels(default_only=True)
+    if missing:
+        CompileWatch().compile_missing(missing)
 
 
 def _check_output(output: Path, resume: bool, overwrite: bool) -> None:
