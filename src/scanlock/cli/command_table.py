@@ -50,11 +50,12 @@ Exit code: 0 if the pose is verified, 2 if it is not (the reason is printed),
         help="Register every pair of a table; also as scanlock register --pairs.",
         epilogue=f"""\
 Examples:
-  scanlock register --pairs list.csv -o results.csv
-  scanlock register --pairs list.csv -o results.csv --resume
+  scanlock register-many list.csv -o results.csv
+  scanlock register-many list.csv -o results.csv --resume
   scanlock register-many list.csv -o results.jsonl --scheduler tcp://host:8786
 
-A scan that cannot be read becomes a row with the status error.
+The same as scanlock register --pairs list.csv. A scan that cannot be read
+becomes a row with the status error.
 Exit code: 0 if every pose is verified, 2 if not.
 
 {_READING}""",
