@@ -157,16 +157,20 @@ class _Run:
             f"{ok:,} of {self._total:,} pairs are verified",
             good=ok == self._total,
         )
-        facts = [(status, f"{count:,}") for status, count in self._counts.most_common()]
-        facts += [("reason", f"{count:,} x {text}") for text, count in self._first_reasons()]
+        facts = [(status, f"{count:,}") for status, count in _descending(self._counts)]
+        facts += [
+            ("reason", f"{count:,} x {text}")
+            for text, count in _descending(self._reasons)[:_REASONS]
+        ]
         if new:
             rate = f"{new:,} pairs in {seconds:.1f} s, {new / seconds:.1f} a second"
             facts.append(("time", rate))
         print_facts(facts)
         print_line(f"wrote {self._output}")
 
-    def _first_reasons(self) -> list[tuple[str, int]]:
-        return self._reasons.most_common(_REASONS)
+
+def _descending(counts: Counter[str]) -> list[tuple[str, int]]:
+    return sorted(counts.items(), key=lambda one: -one[1])
 
 
 def _compile_missing() -> None:
