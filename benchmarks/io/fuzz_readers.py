@@ -13,10 +13,12 @@ holds earlier ones. The memory limit needs Linux.
 import random
 import re
 import resource
+import struct
 import sys
 import tempfile
 import time
 import warnings
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -96,15 +98,20 @@ def seeds(folder: Path) -> Iterator[Seed]:
         ("a.ply", "ascii", True), ("a.ply", "binary", True), ("a.npy", None, True),
         ("a.npz", "binary", True), ("a.npz", "compressed", True), ("a.bin", None, False),
         ("a.txt", None, False), ("a.csv", None, False), ("a.pts", None, True),
-        ("a.las", "binary", True), ("a.laz", "compressed", True),
+        ("a.las", "binary", True), ("a.laz", "compressed", True), ("a.e57", None, True),
+        ("a.ptx", None, True), ("a.vtk", "ascii", True), ("a.vtk", "binary", True),
+        ("a.obj", None, False),
     ]  # fmt: skip
     for name, encoding, states_count in kinds:
         path = folder / name
         columns = {"intensity": fields["intensity"]} if name == "a.bin" else fields
-        columns = {} if name.endswith((".npy", ".pts", ".las", ".laz")) else columns
+        columns = {} if name.endswith((".npy", ".pts", ".las", ".laz", ".ptx", ".obj")) else columns
         write_scan(path, points, columns, encoding=encoding)
         label = f"{path.suffix[1:]} {encoding or ''}".strip()
         yield Seed(label, path.read_bytes(), read_scan, len(points) if states_count else 0)
+    path = folder / "a.vtp"
+    path.write_bytes(_vtp(points))
+    yield Seed("vtp", path.read_bytes(), read_scan, len(points))
     poses = [Pose.from_step(rng.normal(size=6)) for _ in range(3)]
     for name, write, read in (
         ("pose.txt", lambda path: write_pose(path, poses[0]), read_pose),
@@ -119,6 +126,21 @@ def seeds(folder: Path) -> Iterator[Seed]:
         path = folder / name
         write(path)
         yield Seed(name, path.read_bytes(), read)
+
+
+def _vtp(points: np.ndarray) -> bytes:
+    """Return points as polygonal data of VTK, compressed by zlib and appended as raw bytes."""
+    raw = points.astype("<f4").tobytes()
+    packed = zlib.compress(raw)
+    head = struct.pack("<4I", 1, len(raw), 0, len(packed))
+    text = (
+        '<VTKFile type="PolyData" byte_order="LittleEndian" header_type="UInt32" '
+        'compressor="vtkZLibDataCompressor"><PolyData>'
+        f'<Piece NumberOfPoints="{len(points)}"><Points><DataArray type="Float32" '
+        'NumberOfComponents="3" format="appended" offset="0"/></Points></Piece></PolyData>'
+        '<AppendedData encoding="raw">_'
+    )
+    return text.encode() + head + packed + b"</AppendedData></VTKFile>"
 
 
 def damaged(data: bytes, other: bytes, rng: random.Random) -> tuple[bytes, bool]:

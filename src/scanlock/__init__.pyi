@@ -16,6 +16,7 @@ from scanlock.registration.verification.observability import (
     DirectionObservability as DirectionObservability,
 )
 from scanlock.registration.verification.candidate import Candidate as Candidate
+from scanlock.registration.uncertainty.accuracy import PoseAccuracy as PoseAccuracy
 from scanlock.registration.uncertainty.pose_covariance import PoseCovariance as PoseCovariance
 from scanlock.registration.local_origins import LocalOrigins as LocalOrigins
 
@@ -101,9 +102,18 @@ from scanlock.segmentation.clusters import GaussianFit as GaussianFit
 from scanlock.segmentation.clusters import L2Distance as L2Distance
 from scanlock.segmentation.clusters import MeanDistance as MeanDistance
 
+# Pictures
+from scanlock.report.registration_figure import registration_figure as registration_figure
+
 # Files
 from scanlock.io import read_scan as read_scan
 from scanlock.io import write_scan as write_scan
+from scanlock.io import read_scans as read_scans
+from scanlock.io import write_scans as write_scans
+from scanlock.io import write_e57_poses as write_e57_poses
+from scanlock.io import ScanFile as ScanFile
+from scanlock.io import transform_scan as transform_scan
+from scanlock.io import merge_scans as merge_scans
 from scanlock.io import read_pose as read_pose
 from scanlock.io import write_pose as write_pose
 

@@ -1,6 +1,8 @@
 """Array types of scanlock with their shapes, and read-only views."""
 
-from typing import TypeVar
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,3 +46,35 @@ def read_only(array: NDArray[_Scalar]) -> NDArray[_Scalar]:
     view = np.ascontiguousarray(array).view()
     frozen(view)
     return view
+
+
+def short_repr(self: Any) -> str:
+    """Return the repr of a dataclass with arrays as their shapes and numbers with four digits.
+
+    Assigned to ``__repr__`` by dataclasses that hold arrays of points.
+    """
+    parts = [f"{one.name}={_short(getattr(self, one.name))}" for one in fields(self) if one.repr]
+    return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        shape: tuple[int, ...] = value.shape
+        return f"<{value.dtype} {shape}>" if value.size > _MAX_SHOWN else _numbers(value)
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(map(str, cast(Mapping[Any, Any], value))) + "}"
+    if isinstance(value, tuple) and len(cast(tuple[Any, ...], value)) > _MAX_SHOWN:
+        return f"<tuple of {len(cast(tuple[Any, ...], value))}>"
+    return repr(value)
+
+
+_MAX_SHOWN = 9
+"""Maximum size of an array or tuple that is shown with its values."""
+
+
+def _numbers(array: NDArray[Any]) -> str:
+    return np.array2string(array, precision=4, suppress_small=True, separator=", ").replace(
+        "\n", ""
+    )

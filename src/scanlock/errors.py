@@ -24,6 +24,21 @@ class MissingExtra(ScanlockError, ImportError):
     """An optional dependency is missing; the message says how to install it."""
 
 
+def missing_extra(need: str, extra: str) -> MissingExtra:
+    """Return the error for an optional dependency that is not installed.
+
+    Parameters
+    ----------
+    need : str
+        The need, such as ``"LAS needs laspy"``.
+    extra : str
+        Name of the extra of scanlock that installs it.
+    """
+    return MissingExtra(
+        f'{need}: pip install "scanlock[{extra}]", or pip install ".[{extra}]" in a clone'
+    )
+
+
 def require_positive(name: str, value: float, unit: str = "") -> None:
     """Raise `InvalidInput` unless `value` is finite and above zero."""
     if not (_is_finite(value) and value > 0):

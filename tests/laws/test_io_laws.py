@@ -13,15 +13,18 @@ from hypothesis.extra import numpy as hnp
 from scanlock.errors import FormatError
 from scanlock.geometry.pose import Pose
 from scanlock.io import (
+    ScanFile,
     read_kitti_poses,
     read_labels,
     read_pose,
     read_scan,
+    read_scans,
     read_tum_poses,
     write_kitti_poses,
     write_labels,
     write_pose,
     write_scan,
+    write_scans,
     write_tum_poses,
 )
 
@@ -39,9 +42,11 @@ _VARIANTS = [
     ("a.csv", None),
     ("a.xyz", None),
     ("a.pts", None),
+    ("a.vtk", "ascii"),
+    ("a.vtk", "binary"),
 ]
-_COUNTED = [variant for variant in _VARIANTS if variant[0] not in ("a.csv", "a.xyz")]
-"""Formats that store the number of points."""
+_COUNTED = [variant for variant in _VARIANTS if variant[0] not in ("a.csv", "a.xyz", "a.vtk")]
+"""Formats that store the number of points, with nothing optional after them."""
 
 _FIELD_TYPES = ["i1", "i2", "i4", "u1", "u2", "u4", "f4", "f8"]
 
@@ -69,6 +74,11 @@ def _scans(draw):
     return points, fields
 
 
+_STEPS = hnp.arrays(np.float64, 6, elements=st.floats(-3, 3)).map(
+    lambda step: Pose.from_step(step * [1e6, 1e6, 1e3, 1, 1, 1])
+)
+
+
 @pytest.mark.parametrize(("name", "encoding"), _VARIANTS)
 @given(scan=_scans())
 @settings(max_examples=25)
@@ -86,6 +96,41 @@ def test_round_trip(folder, name, encoding, scan):
         assert np.array_equal(back, values, equal_nan=values.dtype.kind == "f")
         if name not in ("a.csv", "a.xyz", "a.pts"):
             assert again.fields[key].dtype == values.dtype
+
+
+@pytest.mark.parametrize("name", ["a.e57", "a.ptx"])
+@given(scans=st.lists(st.tuples(_scans(), st.none() | _STEPS), min_size=1, max_size=3))
+@settings(max_examples=25)
+def test_stations_round_trip(folder, name, scans):
+    if name == "a.e57":
+        pytest.importorskip("pye57")
+    stations = [
+        ScanFile(
+            points=points.astype(np.float64),
+            fields=fields if name == "a.e57" else {},
+            format="pcd",
+            coordinate_dtype=points.dtype.name,
+            file_from_station=pose,
+        )
+        for (points, fields), pose in scans
+    ]
+    write_scans(folder / name, stations)
+    again = read_scans(folder / name)
+    blank = np.nan if name == "a.e57" else 0.0
+    for one, back in zip(stations, again, strict=True):
+        finite = np.isfinite(one.points).all(axis=1)
+        # Text has the shortest digits of a type.
+        stored = back.points.astype(one.coordinate_dtype)
+        assert np.array_equal(stored[finite], one.points[finite])
+        assert np.array_equal(
+            back.points[~finite], np.full(((~finite).sum(), 3), blank), equal_nan=True
+        )
+        expected = one.file_from_station or (None if name == "a.e57" else Pose.identity())
+        assert (back.file_from_station is None) == (expected is None)
+        if expected is not None:
+            assert expected.is_close(back.file_from_station, translation=0, rotation=1e-14)
+        for key, values in one.fields.items():
+            assert np.array_equal(back.fields[key], values, equal_nan=values.dtype.kind == "f")
 
 
 def _example(path, encoding):
@@ -151,11 +196,6 @@ def test_arbitrary_content_raises_format_errors_only(folder, content, suffix):
         path.write_bytes(head + content)
         with contextlib.suppress(FormatError):
             assert len(read_scan(path)) > 0
-
-
-_STEPS = hnp.arrays(np.float64, 6, elements=st.floats(-3, 3)).map(
-    lambda step: Pose.from_step(step * [1e6, 1e6, 1e3, 1, 1, 1])
-)
 
 
 @given(poses=st.lists(_STEPS, min_size=1, max_size=4), start=st.floats(0, 2e9))

@@ -1,7 +1,11 @@
 """Examples of the documentation and the README, run as printed; the architecture page, traced."""
 
+import ast
+import contextlib
 import doctest
 import importlib
+import io
+import json
 import re
 import sys
 from pathlib import Path
@@ -121,3 +125,44 @@ def test_the_places_of_the_architecture_page_exist():
     assert len(places) >= 12
     for place in re.findall(r"`(.*?)`", " ".join(places)):
         assert (_ROOT / "src" / "scanlock" / place).exists(), place
+
+
+@pytest.mark.slow
+def test_the_command_line_page_is_the_help(monkeypatch):
+    monkeypatch.syspath_prepend(_ROOT / "docs")
+    page = importlib.import_module("command_line").page()
+    written = (_ROOT / "docs" / "command-line.md").read_text("utf-8")
+    assert written == page, "run: python docs/command_line.py > docs/command-line.md"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted((_ROOT / "docs").rglob("*.ipynb")), ids=lambda p: p.stem)
+def test_the_cells_of_a_notebook_print_the_shown_output(path):
+    space = {}
+    for cell in json.loads(path.read_text("utf-8"))["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        shown = "".join(
+            "".join(one["text"] if "text" in one else one["data"]["text/plain"])
+            for one in cell["outputs"]
+        )
+        # The last digits of a pose differ between processors.
+        assert _without_digits(_output("".join(cell["source"]), space)) == _without_digits(shown)
+
+
+def _output(source, space):
+    """Run a cell, and return its printed lines and the value of its last expression."""
+    *statements, last = ast.parse(source).body
+    printed = io.StringIO()
+    value = None
+    with contextlib.redirect_stdout(printed):
+        exec(compile(ast.Module(statements, []), "cell", "exec"), space)
+        if isinstance(last, ast.Expr):
+            value = eval(compile(ast.Expression(last.value), "cell", "eval"), space)
+        else:
+            exec(compile(ast.Module([last], []), "cell", "exec"), space)
+    return printed.getvalue() + ("" if value is None else repr(value))
+
+
+def _without_digits(text):
+    return re.sub(r"[ -]*\d+(\.\d+)?", " #", text)

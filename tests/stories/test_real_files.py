@@ -1,17 +1,22 @@
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from reference.scan_formats import read_float32, read_pcd, read_ply, read_table
 from scanlock.errors import FormatError
+from scanlock.geometry.pose import Pose
 from scanlock.io import (
     describe_scan,
     read_kitti_poses,
     read_labels,
     read_pose,
     read_scan,
+    read_scans,
     read_tum_poses,
+    write_e57_poses,
+    write_scan,
 )
 
 pytestmark = [pytest.mark.slow, pytest.mark.data]
@@ -125,7 +130,9 @@ def test_las_agrees_with_its_specification(scan_data):
     rows = np.array(rows)
     for path in (plain, packed):
         scan = read_scan(path)
-        assert np.abs(scan.points - (rows[:, :3] * scale + offset)).max() < 1e-9
+        # The header gives feet.
+        assert np.abs(scan.points - 0.3048 * (rows[:, :3] * scale + offset)).max() < 1e-9
+        assert scan.crs.unit_text == "foot (0.3048 m)"
         assert np.array_equal(scan.fields["intensity"], rows[:, 3])
 
 
@@ -133,9 +140,61 @@ def test_las_points_span_the_bounding_box_of_the_header(scan_data):
     pytest.importorskip("laspy")
     for path in _files(scan_data, "formats/las/*", 5):
         box = np.array(struct.unpack_from("<6d", path.read_bytes(), 179)).reshape(3, 2)
-        points = read_scan(path).points
+        scan = read_scan(path)
+        points = scan.points / scan.metres_per_unit
         assert np.abs(points.max(axis=0) - box[:, 0]).max() < 0.011
         assert np.abs(points.min(axis=0) - box[:, 1]).max() < 0.011
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "formats/las/MixedConifer.laz",
+        "formats/las/Topography.laz",
+        "formats/las/autzen_trim.las",
+        "formats/las/pine_plot.laz",
+        "formats/copc/lone-star.copc.laz",
+        "two_epochs_autzen/autzen-bmx-2010.las",
+        "aerial_ahn/ahn_2386_9702.laz",
+    ],
+)
+def test_las_files_written_unchanged_are_equal(scan_data, tmp_path, name):
+    pytest.importorskip("laspy")
+    scan = read_scan(scan_data / name)
+    path = tmp_path / f"again{name[-4:]}"
+    write_scan(path, scan)
+    after = read_scan(path)
+    assert np.array_equal(after.points, scan.points)
+    assert after.fields.keys() == scan.fields.keys()
+    assert all(np.array_equal(after.fields[key], scan.fields[key]) for key in scan.fields)
+    assert after.crs == scan.crs
+    assert replace(after.las, software="") == replace(scan.las, software="")
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "units", "metres"),
+    [
+        ("formats/las/MixedConifer.laz", "EPSG:26912", "metre", (1, 1, 1)),
+        ("formats/las/Topography.laz", "EPSG:2949", "metre", (1, 1, 1)),
+        (
+            "formats/las/autzen_trim.laz",
+            "NAD_1983_HARN_Lambert_Conformal_Conic",
+            "foot (0.3048 m)",
+            (0.3048,) * 3,
+        ),
+        (
+            "two_epochs_autzen/autzen-bmx-2023.las",
+            "NAD83 / Oregon LCC (m) + NAVD88 height (ftUS) (EPSG:2991 + EPSG:6360)",
+            "metre, heights in US survey foot (0.3048006 m)",
+            (1, 1, 1200 / 3937),
+        ),
+    ],
+)
+def test_coordinate_systems_of_las_files_are_read(scan_data, name, label, units, metres):
+    pytest.importorskip("laspy")
+    scan = read_scan(scan_data / name)
+    assert (scan.crs.label, scan.crs.unit_text) == (label, units)
+    assert scan.metres_per_unit == metres
 
 
 @pytest.mark.parametrize(
@@ -153,11 +212,60 @@ def test_truncated_real_files_are_refused(scan_data, tmp_path, name):
             read_scan(truncated)
 
 
-def test_other_formats_are_refused(scan_data):
-    for pattern, count in (("vtk/*.vtk", 3), ("formats/*/*.pcap", 6)):
-        for path in _files(scan_data, pattern, count):
-            with pytest.raises(FormatError, match="convert it"):
-                read_scan(path)
+def test_vtk_files_of_libpointmatcher(scan_data):
+    for path in _files(scan_data, "vtk/*.vtk", 3):
+        lines = path.read_text().splitlines()
+        count = int(lines[4].split()[1])
+        rows = np.loadtxt(lines[5 : 5 + count], dtype=np.float32)
+        assert np.array_equal(read_scan(path).points, rows)
+
+
+def test_stations_of_e57_files_agree_with_pye57(scan_data, tmp_path):
+    pye57 = pytest.importorskip("pye57")
+    counts = {}
+    for path in _files(scan_data, "formats/e57/*.e57", 6):
+        scans = read_scans(path)
+        counts[path.name] = [len(scan) for scan in scans]
+        with pye57.E57(str(path)) as file:
+            for k, scan in enumerate(scans):
+                raw = file.read_scan_raw(k, ignore_unsupported_fields=True)
+                xyz = np.stack([raw[f"cartesian{axis}"] for axis in "XYZ"], axis=1)
+                assert np.array_equal(scan.points, xyz)
+                assert scan.station == file.get_header(k)["name"].value()
+                for theirs, ours in (("colorRed", "red"), ("rowIndex", "row")):
+                    assert (theirs in raw) == (ours in scan.fields)
+                    if theirs in raw:
+                        assert np.array_equal(scan.fields[ours], raw[theirs])
+        poses = [Pose.from_step(np.arange(6.0) + k) for k in range(len(scans))]
+        write_e57_poses(path, tmp_path / "moved.e57", poses)
+        for scan, moved, pose in zip(scans, read_scans(tmp_path / "moved.e57"), poses, strict=True):
+            assert np.array_equal(scan.points, moved.points)
+            assert moved.file_from_station.is_close(pose, translation=0, rotation=1e-15)
+        assert _binary_sections(path) == _binary_sections(tmp_path / "moved.e57")
+    assert sorted(map(sum, counts.values())) == [2, 2, 4, 6, 6, 155_201]
+    normals = read_scan(scan_data / "formats" / "e57" / "testWithNormals.e57")
+    assert list(normals.fields) == ["nx", "ny", "nz"]
+    shifted = read_scan(scan_data / "formats" / "e57" / "translationWithoutRotation.e57")
+    assert shifted.file_from_station == Pose(np.eye(3), [4.0, 5.0, 6.0])
+    with pytest.raises(FormatError, match="found 2 stations: 1 'B2 - Cloud'"):
+        read_scan(scan_data / "formats" / "e57" / "A_B.e57")
+
+
+def _binary_sections(path):
+    """Return all before the XML section, without the header and the checksums."""
+    data = path.read_bytes()
+    logical = b"".join(data[k : k + 1020] for k in range(0, len(data), 1024))
+    offset = int.from_bytes(data[24:32], "little")
+    return logical[48 : offset // 1024 * 1020 + offset % 1024]
+
+
+def test_packet_captures_bags_and_trajectories_are_refused(scan_data):
+    for path in _files(scan_data, "formats/*/*.pcap", 6):
+        with pytest.raises(FormatError, match=f"ouster-cli source {path} save"):
+            read_scan(path)
+    for path in _files(scan_data, "formats/mcap/*.mcap", 1):
+        with pytest.raises(FormatError, match=r"ros2 run pcl_ros pointcloud_to_pcd"):
+            read_scan(path)
     with pytest.raises(FormatError, match="poses of a trajectory"):
         read_scan(scan_data / "trajectories" / "kitti_ground_truth" / "04.txt")
 

@@ -60,3 +60,11 @@ def test_fractions_pass(value):
 def test_a_value_outside_zero_to_one_is_not_a_fraction(value):
     with pytest.raises(errors.InvalidInput, match="overlap must lie between 0 and 1"):
         errors.require_fraction("overlap", value)
+
+
+def test_a_missing_extra_gives_the_command_for_package_and_clone():
+    error = errors.missing_extra("LAS needs laspy", "las")
+    assert isinstance(error, errors.MissingExtra)
+    assert str(error) == (
+        'LAS needs laspy: pip install "scanlock[las]", or pip install ".[las]" in a clone'
+    )

@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError
 from scanlock import __version__
 from scanlock.cli.command_table import COMMANDS
 from scanlock.cli.errors import complain, one_line, usage_fault
+from scanlock.cli.help_text import ColumnFormatter
 from scanlock.errors import ScanlockError
 
 OK, FAULT, PIPE_CLOSED = 0, 1, 141
@@ -35,7 +36,7 @@ def build_app() -> App:
         version=f"scanlock {__version__}",
         # Markdown would take a quarter of a second to import.
         help_format="plaintext",
-        help_formatter="default" if sys.stdout.isatty() else "plain",
+        help_formatter=ColumnFormatter(),
         help_epilogue=_EPILOGUE,
         suppress_keyboard_interrupt=False,
     )

@@ -18,7 +18,8 @@ class Command:
 
 
 _READING = """\
-Scans: .bin (KITTI), .npy, .npz, .pcd, .ply, .las, .laz, .txt, .xyz, .csv and more.
+Scans: .bin (KITTI), .npy, .pcd, .ply, .las, .laz, .e57, .ptx, .txt, .csv and more;
+scan.e57#2 is the second station of a file.
 """
 
 COMMANDS = {
@@ -38,6 +39,7 @@ Examples:
 Examples:
   scanlock register source.bin target.bin
   scanlock register source.pcd target.pcd -o pose.txt --picture pair.png
+  scanlock register epoch2.laz epoch1.laz --aligned moved.laz --merged both.ply
   scanlock register source.las target.las --initial guess.txt --json
 
 Exit code: 0 if the pose is verified, 2 if it is not (the reason is printed),
@@ -60,6 +62,18 @@ Exit code: 0 if every pose is verified, 2 if not.
 
 {_READING}""",
     ),
+    "apply": Command(
+        path="scanlock.cli.commands.apply:apply",
+        help="Move a cloud by a pose, with all its fields.",
+        epilogue=f"""\
+Examples:
+  scanlock apply pose.txt source.laz -o moved.laz
+  scanlock apply pose.json target.ply --inverse -o target_in_source.ply
+
+Normals turn with the points; colours, intensities and all other fields stay.
+
+{_READING}""",
+    ),
     "segment": Command(
         path="scanlock.cli.commands.segment:segment",
         help="Find the ground and the clusters above it.",
@@ -67,20 +81,23 @@ Exit code: 0 if every pose is verified, 2 if not.
 Examples:
   scanlock segment scan.bin -o labels.npy
   scanlock segment scan.pcd -o coloured.ply --picture scan.png
+  scanlock segment flight.laz -o classified.laz
 
 Labels have one row per point: 0 ground, 1 and up clusters, -1 neither. In .label
 files they are SemanticKITTI's: 49 ground, 99 with an instance number for
-clusters, 0 neither. Scan files (.ply, .pcd, ...) get a label field.
+clusters, 0 neither. Scan files get a label field; .ply and .pcd also colours, and
+.las and .laz the classes 2 for ground and 1 for all others.
 
 {_READING}""",
     ),
     "info": Command(
         path="scanlock.cli.commands.info:info",
-        help="Describe a scan file: format, fields, extent, and guesses about the sensor.",
+        help="Describe a scan file: format, fields, extent, coordinate system and unit.",
         epilogue=f"""\
 Examples:
   scanlock info scan.pcd
   scanlock info scan.bin --columns "x y z ring" --json
+  scanlock info millimetres.ply --scale 0.001
 
 {_READING}""",
     ),
@@ -91,6 +108,8 @@ Examples:
 Examples:
   scanlock map drive -o drive-map
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
+  scanlock map drive -o drive-map --resume
+  scanlock map drive -o icp-map --method icp --set voxel_size=0.3
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or the
 output of scanlock simulate. After an interrupt the map so far is written.
@@ -104,7 +123,11 @@ Exit code: 2 if a pair is not verified.
 Examples:
   scanlock evaluate trajectory_tum.txt truth_tum.txt --picture both.png
   scanlock evaluate map/trajectory_tum.txt sequences/07
-  scanlock evaluate poses.txt 07.txt --align all --json
+  scanlock evaluate map/trajectory_kitti.txt poses/07.txt --calib calib.txt
+  scanlock evaluate poses.txt 07.txt --align all --delta 100 --unit m --json
+
+KITTI's poses of the camera are recognised and converted to the laser. A map of
+some scans is matched with the truth of all by the scan numbers beside it.
 """,
     ),
     "crispness": Command(
@@ -115,7 +138,8 @@ Examples:
   scanlock crispness map.ply
   scanlock crispness icp.ply ndt.ply --voxel-size 0.2
 
-Only maps of the same scans are comparable.
+Only maps of the same scans are comparable. Maps of different numbers of scans are
+refused where they have the field of scanlock map.
 
 {_READING}""",
     ),
@@ -129,7 +153,7 @@ Examples:
   scanlock compare drive --agree --starts 3 --distances 0 2 5 --angles 0 30
 
 Ground truth: the poses in the folder (scanlock simulate, Ford Campus, KITTI
-odometry), if it has some.
+odometry), if it has some. After Ctrl-C the same command continues.
 
 {_READING}""",
     ),
@@ -156,11 +180,14 @@ Examples:
     ),
     "settings": Command(
         path="scanlock.cli.commands.settings:settings",
-        help="Print every setting of a method as TOML.",
+        help="Print the settings of a method as TOML.",
         epilogue="""\
 Examples:
   scanlock settings gicp
-  scanlock settings sgc-ndt-p2d -o mine.toml
+  scanlock settings sgc-ndt-p2d --all -o mine.toml
+
+register, compare and map take the file with --settings, and changes of single
+settings as --set voxel_size=0.5.
 """,
     ),
     "warmup": Command(

@@ -20,7 +20,10 @@ def complain(message: str) -> None:
 def usage_fault(error: CycloptsError) -> str:
     """Return the message of a usage error, with the help command."""
     command = " ".join(["scanlock", *(error.command_chain or ())])
-    return f"{_joined(str(error)).rstrip('.')}; see `{command} --help`"
+    message = _joined(str(error))
+    # A list that ends in three dots is a part of a longer one.
+    message = message if message.endswith("...") else message.rstrip(".")
+    return f"{message}; see `{command} --help`"
 
 
 def one_line(error: Exception) -> str:

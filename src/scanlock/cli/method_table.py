@@ -5,10 +5,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING
 
-from scanlock.cli.console import print_table
+from scanlock.cli.console import print_line, print_table, print_title
 
 if TYPE_CHECKING:
+    from scanlock.experiments.comparison import ComparisonResult
     from scanlock.experiments.pairwise import Tolerance
+    from scanlock.pipelines.starts import AroundTruth
     from scanlock.pipelines.study import StudyRecord
 
 
@@ -35,6 +37,26 @@ def show_errors(
         heads.insert(-1, "voxels")
         for row in rows:
             row.insert(-1, f"{voxels[row[0]]:,}" if row[0] in voxels else "-")
+    print_table(heads, rows)
+    print_line("ms per pair: to prepare and register both scans, without reading and compiling")
+
+
+def show_basins(done: "ComparisonResult", plan: "AroundTruth", tolerance: "Tolerance") -> None:
+    """Print one row per method: solved initial poses of all, by distance and by angle."""
+    from scanlock.experiments.comparison import basins
+
+    heads = [
+        "method",
+        "all",
+        *(f"{distance:g} m" for distance in plan.distances),
+        *(f"{math.degrees(angle):g} deg" for angle in plan.angles),
+    ]
+    rows: list[list[str]] = []
+    for name, basin in basins(done, plan, tolerance).items():
+        counts = [basin.solved.sum(), *basin.solved.sum(axis=1), *basin.solved.sum(axis=0)]
+        tried = [basin.tried.sum(), *basin.tried.sum(axis=1), *basin.tried.sum(axis=0)]
+        rows.append([name, *(f"{n} / {of}" for n, of in zip(counts, tried, strict=True))])
+    print_title("solved initial poses around the true pose, by their error")
     print_table(heads, rows)
 
 

@@ -13,8 +13,10 @@ MethodName = str
 """Key of `METHODS`: built-in, registered, or offered by an installed package."""
 
 DofName = Literal["xyz+rpy", "xyz+yaw", "xy+yaw"]
-CovarianceName = Literal["sandwich", "hessian", "sampled"]
-FormatName = Literal["bin", "npy", "npz", "pcd", "ply", "txt", "las"]
+CovarianceName = Literal["sandwich", "hessian", "sampled", "none"]
+FormatName = Literal[
+    "bin", "npy", "npz", "pcd", "ply", "txt", "las", "e57", "ptx", "pts", "vtk", "vtp", "obj"
+]
 SceneName = Literal["street", "forest", "rugged"]
 SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]
 ScannerName = Literal[SensorName, "facet-ladar"]

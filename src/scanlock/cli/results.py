@@ -1,13 +1,12 @@
 """Printed form of a registration result."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from scanlock.cli.console import Facts, print_facts, print_status, print_table
+from scanlock.cli.console import Facts, print_facts, print_line, print_status, print_table
 
 if TYPE_CHECKING:
-    from scanlock.arrays import Vector
     from scanlock.geometry.pose import Pose
     from scanlock.registration.result import RegistrationResult
 
@@ -20,9 +19,10 @@ def show_registration(
     first_stage: tuple[str, float],
     compiled: bool,
     truth: "Pose | None" = None,
+    remarks: Sequence[str] = (),
     verbose: bool = False,
 ) -> None:
-    """Print a result: status, reason and pose; metrics, times and notes on scans if verbose.
+    """Print a result: status, accuracy and pose first; metrics, times and notes if verbose.
 
     Parameters
     ----------
@@ -35,35 +35,30 @@ def show_registration(
         Whether kernels were compiled in between.
     truth : Pose, optional
         The true pose, if known.
+    remarks : sequence of str
+        Further notes, always printed.
     verbose : bool
         Whether to print metrics, candidates, times and the notes on the scans.
     """
-    from scanlock.registration.display import direction_rows, metric_rows
-
-    rows: Facts = [
-        ("reason", result.reason),
-        ("source", f"{source} (moves)"),
-        ("target", f"{target} (stays)"),
-        *_motion(result),
-    ]
+    rows = result.summary_rows()[1:]
+    if not result.ok:
+        rows.insert(0, ("reason", result.reason))
     if truth is not None:
-        rows.append(("error", _error(result.target_from_source, truth)))
-    rows.append(("probability", f"{result.probability:.3f} that the pose is right"))
-    rows.extend(direction_rows(result.degenerate_directions))
-    if result.covariance is not None:
-        rows.append(("deviation", result.covariance.as_text()))
-    rows.extend(_pose(result))
-    if truth is not None:
-        rows.append(("truth", _matrix(truth)))
+        rows.insert(1, ("error", _error(result.target_from_source, truth)))
+    matrix = [value for name, value in rows if name == "pose"]
+    rows = [row for row in rows if row[0] != "pose"]
     if verbose:
-        rows.append(("method", f"{result.method}, {result.evaluations} evaluations"))
-        rows.extend(metric_rows(result.metrics))
-        if result.candidates:
-            rows.append(("candidates", _candidates(result)))
+        rows += [("source", f"{source} (moves)"), ("target", f"{target} (stays)")]
+        rows += [row for row in result.detail_rows() if result.ok or row[0] != "reason"]
+        rows += _local_pose(result)
     rows.append(("time", _time(result.timings, first_stage, compiled, verbose)))
-    rows.extend(("note", note) for note in _notes(result, verbose))
+    rows.extend(("note", note) for note in [*remarks, *_notes(result, verbose)])
     print_status(result.status.value.replace("_", " "), "source onto target", good=result.ok)
     print_facts(rows)
+    for text in matrix:
+        # Not indented or wrapped, to copy into other tools.
+        print_line("target from source [m]:")
+        print_line(text)
 
 
 def show_history(result: "RegistrationResult") -> None:
@@ -105,27 +100,9 @@ def history_content(result: "RegistrationResult") -> list[dict[str, Any]]:
     return content
 
 
-def _motion(result: "RegistrationResult") -> Facts:
-    from scanlock.geometry.rotations import log_rotation
-
-    pose, point = result.target_from_source, result.origins.reference_point
-    shift = result.origins.shift(pose, point)
-    turn = [math.degrees(radians) for radians in log_rotation(pose.rotation)]
-    about = f" at the centroid, {_triple(point, 0)} m" if result.origins.is_on_map else ""
-    return [
-        ("translation", f"{math.hypot(*shift):.3f} m: {_triple(shift, 3)} along x, y, z{about}"),
-        ("rotation", f"{math.hypot(*turn):.3f} deg: {_triple(turn, 3)} about x, y, z"),
-    ]
-
-
 def _error(pose: "Pose", truth: "Pose") -> str:
     metres, radians = pose.distance(truth)
     return f"{100 * metres:.2f} cm and {math.degrees(radians):.3f} deg from the exact pose"
-
-
-def _triple(values: "Vector | list[float]", digits: int) -> str:
-    # Adding zero turns -0.0 into 0.0.
-    return ", ".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)
 
 
 def _notes(result: "RegistrationResult", verbose: bool) -> list[str]:
@@ -135,32 +112,16 @@ def _notes(result: "RegistrationResult", verbose: bool) -> list[str]:
     return [note for note in result.notes if not note.startswith(("source: ", "target: "))]
 
 
-def _candidates(result: "RegistrationResult") -> str:
-    return f"{len(result.candidates)}, the best by {result.candidates[0].proposed_by}"
+def _local_pose(result: "RegistrationResult") -> Facts:
+    """Return the pose between coordinates near zero, for tools with single precision."""
+    from scanlock.registration.display import matrix_lines, triple
 
-
-def _pose(result: "RegistrationResult") -> Facts:
-    title = "target from source: rotation and translation [m]"
     origins = result.origins
     if not (origins.is_on_map or origins.target_origin.any()):
-        return [("pose", f"{title}\n{_matrix(result.target_from_source)}")]
-    # At the coordinates of a map the seventh digit of a rotation is metres.
-    full = "\n".join(
-        " ".join(f"{value + 0.0:.17g}" for value in row)
-        for row in result.target_from_source.matrix[:3]
-    )
-    about = f"{_triple(origins.target_origin, 0)} and {_triple(origins.source_origin, 0)} m"
-    local = f"the same about the origins {about}\n{_matrix(result.local_target_from_source)}"
-    return [("pose", f"{title}\n{full}"), ("local pose", local)]
-
-
-def _matrix(pose: "Pose") -> str:
-    rows = pose.matrix[:3]
-    width = max(len(f"{value:.4f}") for value in rows[:, 3])
-    return "\n".join(
-        " ".join(f"{value + 0.0:9.6f}" for value in row[:3]) + f"  {row[3]:{width}.4f}"
-        for row in rows
-    )
+        return []
+    about = f"{triple(origins.source_origin, 0)} and {triple(origins.target_origin, 0)} m"
+    rows = "\n".join(matrix_lines(result.local_target_from_source))
+    return [("local pose", f"between source and target minus {about}:\n{rows}")]
 
 
 def _time(

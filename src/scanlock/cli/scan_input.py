@@ -51,6 +51,28 @@ class LoadedScan:
         text = f"{self.path}, {len(self.points):,} points"
         return f"{text}, {self.blanks:,} of them blank (0, 0, 0)" if self.blanks else text
 
+    @property
+    def is_in_other_units(self) -> bool:
+        """Whether the coordinates of the file are not in metres."""
+        return self.file.metres_per_unit != (1.0, 1.0, 1.0)
+
+
+def system_notes(source: LoadedScan, target: LoadedScan) -> list[str]:
+    """Return notes on units and coordinate systems that a user must know of."""
+    notes = [
+        f"{role}: {note}; the pose is in metres"
+        for role, scan in (("source", source), ("target", target))
+        if scan.is_in_other_units
+        for note in scan.file.notes
+        if "metres" in note or "units of" in note
+    ]
+    systems = [scan.file.crs for scan in (source, target)]
+    codes = {crs.epsg for crs in systems if crs is not None and crs.epsg is not None}
+    if len(codes) == 2:
+        labels = " and ".join(crs.label for crs in systems if crs is not None)
+        notes.append(f"the scans have different coordinate systems: {labels}")
+    return notes
+
 
 @Parameter(name="*", group=_GROUP)
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,9 +86,18 @@ class Reading:
 
     columns: Annotated[
         str | None,
-        Parameter(help='Columns of a file without names: 4, or "x y z intensity".'),
+        Parameter(
+            help='Columns: 4 or "x y z intensity" of a file without names; '
+            '"x=easting y=northing z=height" of one with names.'
+        ),
     ] = None
-    """Number or names of the columns of a headerless file."""
+    """Number or names of the columns, or a choice among those of the file."""
+
+    scale: Annotated[
+        float | None,
+        Parameter(help="Unit of the file in metres: 0.001 for millimetres, 0.3048 for feet."),
+    ] = None
+    """Size of the unit of the file [m], in place of the one that the file states."""
 
     def wanted_columns(self) -> int | str | None:
         """Return `columns` in the form that `scanlock.io.read_scan` takes."""
@@ -88,12 +119,16 @@ class Reading:
         ------
         FormatError
             No row is a point, or an error of `scanlock.io.read_scan`.
+        InvalidInput
+            Coordinates are longitude and latitude.
         """
         import numpy as np
 
         from scanlock.io import read_scan
 
-        file = read_scan(path, self.format, columns=self.wanted_columns())
+        file = read_scan(path, self.format, columns=self.wanted_columns(), scale=self.scale)
+        if file.crs is not None:
+            file.crs.require_lengths(str(path))
         blank = (file.points == 0.0).all(axis=1)
         points = np.where(blank[:, None], np.nan, file.points) if blank.any() else file.points
         if not np.isfinite(points).all(axis=1).any():

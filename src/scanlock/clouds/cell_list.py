@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, frozen, read_only
+from scanlock.arrays import Matrix, Points, frozen, read_only, short_repr
 from scanlock.errors import require_positive
 from scanlock.kernels.points.neighbourhood_sums import sorted_by_voxel, sums_within_radius
 
@@ -32,6 +32,8 @@ class CellList:
     points: Points
     starts: NDArray[np.int32]
     voxel_size: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         require_positive("voxel_size", self.voxel_size, unit="m")

@@ -1,14 +1,14 @@
 """Validated point clouds: shape, type, finiteness and precision are checked once, here."""
 
-import os
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
+from scanlock.clouds.coordinates import HasPoints, coordinates_of
 from scanlock.clouds.memory import keep_freed_memory
 from scanlock.errors import InvalidInput
 
@@ -25,18 +25,6 @@ _MAX_COORDINATE = 1e12
 Map projections stay below 1e8 m, or 1e11 in millimetres. Grid indices of much larger coordinates
 would overflow silently.
 """
-
-_MAX_TRANSPOSED_ROWS, _MIN_TRANSPOSED_COLUMNS = 4, 64
-"""Maximum rows and minimum columns of an array that has a point in each column."""
-
-
-class HasPoints(Protocol):
-    """Point cloud of another library, such as Open3D."""
-
-    @property
-    def points(self) -> Any:
-        """(n, 3) points [m], convertible by ``numpy.asarray``."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +84,7 @@ class PointCloud:
         if isinstance(array, PointCloud):
             return array
         _keep_freed_memory_once()
-        xyz = _coordinates(array, name)
+        xyz = coordinates_of(array, name)
         input_count = len(xyz)
         rows = _finite_rows(xyz)
         if len(rows) < input_count:
@@ -151,6 +139,10 @@ class PointCloud:
         full[self.rows] = values
         return full
 
+    def __repr__(self) -> str:
+        about = f" about {self.origin.tolist()}" if self.origin.any() else ""
+        return f"PointCloud({len(self):,} points{about})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return PointCloud, (
             np.array(self.points),
@@ -164,55 +156,6 @@ class PointCloud:
 @cache
 def _keep_freed_memory_once() -> None:
     keep_freed_memory()
-
-
-def _coordinates(array: ArrayLike | HasPoints, name: str) -> Points:
-    if isinstance(array, (str, bytes, os.PathLike, type(None))):
-        raise InvalidInput(
-            f"{name} must be an (n, 3) array, got {array!r}; scanlock.io.read_scan reads files"
-        )
-    points: Any = getattr(array, "points", None)
-    if points is not None and not hasattr(array, "__array__"):
-        array, name = points, f"{name}.points"
-    if isinstance(array, np.ma.MaskedArray) and array.dtype.kind in "fiu":
-        # Masked entries must not be used.
-        kind = np.promote_types(array.dtype, np.float32)
-        array = np.ma.filled(array.astype(kind), np.nan)
-    try:
-        raw = np.asarray(array)
-    except ValueError as error:
-        raise InvalidInput(f"{name} must be an (n, 3) array: {error}") from error
-    if raw.dtype.names is not None:
-        raise InvalidInput(
-            f"{name} must be an (n, 3) array, got the fields {', '.join(raw.dtype.names)}; stack "
-            "its coordinates: np.column_stack([a['x'], a['y'], a['z']])"
-        )
-    if raw.ndim == 0 and raw.dtype.kind == "O":
-        raise InvalidInput(
-            f"{name} must be an (n, 3) array or have one as its attribute points, got "
-            f"{type(array).__name__}; convert it with np.asarray"
-        )
-    if raw.ndim != 2 or raw.shape[1] < 3:
-        raise InvalidInput(f"{name} must have shape (n, 3) or wider, got {raw.shape}")
-    if len(raw) <= _MAX_TRANSPOSED_ROWS and raw.shape[1] >= _MIN_TRANSPOSED_COLUMNS:
-        raise InvalidInput(
-            f"{name} must have one point in each row, got shape {raw.shape}; transpose it: {name}.T"
-        )
-    if raw.dtype.kind not in "fiu":
-        remedy = "; convert it: .astype(np.float64)" if raw.dtype.kind == "O" else ""
-        raise InvalidInput(f"{name} must hold real numbers, got dtype {raw.dtype}{remedy}")
-    # Extended precision may exceed the range of float64; such entries become Inf.
-    with np.errstate(over="ignore"):
-        # Freezing the slice leaves the input array writable. Kernels are compiled for aligned
-        # memory, which a view into the bytes of a file may not be.
-        xyz = raw[:, :3]
-        if xyz.dtype == np.float64 and xyz.flags.c_contiguous and xyz.flags.aligned:
-            return xyz
-        # By column: NumPy converts rows of three numbers at half the speed.
-        converted = np.empty(xyz.shape, np.float64)
-        for axis in range(3):
-            converted[:, axis] = xyz[:, axis]
-        return converted
 
 
 def _finite_rows(xyz: Points) -> Labels:

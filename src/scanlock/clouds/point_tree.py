@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only, short_repr
 from scanlock.errors import InvalidInput, require_count
 from scanlock.kernels.points.leaf_covariances import knn_covariances
 from scanlock.kernels.points.point_tree import (
@@ -41,6 +41,8 @@ class PointTree:
     rows: Labels
     split_axes: Labels
     split_values: Vector
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (self.points, self.rows, self.split_axes, self.split_values):

@@ -6,27 +6,18 @@ Poses are ``world_from_sensor``, and both trajectories list the same scans in th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from scanlock.arrays import Labels, Vector, frozen
 from scanlock.errors import InvalidInput, require_count
+from scanlock.evaluation.alignment import Alignment, aligned, positions, require_same_length
+from scanlock.evaluation.pose_pairs import DeltaUnit, pose_pairs
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rigid_fit import PairMoments, fit_arun
 from scanlock.geometry.rotations import rotation_angle
 
 KITTI_LENGTHS = (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0)
 """Path lengths of the KITTI odometry benchmark [m]."""
-
-Alignment = Literal["none", "first", "all"]
-"""Alignment before absolute errors: none, of the first poses, or of all positions by least squares
-(Umeyama 1991, without scale).
-
-Positions on one line do not constrain the rotation about it; the first poses are aligned then.
-For a nearly straight drive that rotation is poorly constrained, which increases the rotation
-errors after aligning all positions.
-"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -66,7 +57,7 @@ def absolute_errors(
     ----------
     estimate, truth : sequence of Pose
         World from sensor, row by row.
-    alignment : {"first", "all", "none"}
+    alignment : {"first", "all", "all+scale", "none"}
         See `Alignment`.
 
     Raises
@@ -79,54 +70,49 @@ def absolute_errors(
     return _errors(poses, truth, rows, rows, absolute=True)
 
 
-def aligned(
-    estimate: Sequence[Pose], truth: Sequence[Pose], alignment: Alignment = "first"
-) -> list[Pose]:
-    """Return the estimated trajectory, rigidly moved into the frame of the true one.
-
-    Parameters
-    ----------
-    estimate, truth, alignment
-        As for `absolute_errors`.
-
-    Raises
-    ------
-    InvalidInput
-        Trajectories of different lengths, or empty.
-    """
-    _require_same_length(estimate, truth)
-    if alignment == "first":
-        motion = truth[0] @ estimate[0].inverse()
-    elif alignment == "all":
-        motion = _umeyama(estimate, truth)
-    else:
-        motion = Pose.identity()
-    return [motion @ pose for pose in estimate]
-
-
 def relative_errors(
-    estimate: Sequence[Pose], truth: Sequence[Pose], step: int = 1
+    estimate: Sequence[Pose],
+    truth: Sequence[Pose],
+    delta: float = 1.0,
+    unit: DeltaUnit = "scans",
+    *,
+    all_pairs: bool = False,
+    times: Vector | None = None,
 ) -> TrajectoryErrors:
-    """Compute the errors of the motions from each pose to the one `step` rows later.
+    """Compute the errors of the motions between poses a fixed distance apart.
 
     Parameters
     ----------
     estimate, truth : sequence of Pose
         World from sensor, row by row.
-    step : int
-        Rows between the two poses of a motion.
+    delta : float
+        Distance between the two poses of a motion.
+    unit : {"scans", "m", "s"}
+        Unit of `delta`: rows, path length of the truth, or time.
+    all_pairs : bool
+        Start a motion at each pose instead of at the end of the previous motion; see
+        `pose_pairs`.
+    times : (n,) [s], optional
+        Ascending times of the poses, for the unit "s".
 
     Raises
     ------
     InvalidInput
-        Trajectories of different lengths, or with `step` poses or fewer.
+        Trajectories of different lengths, no poses that far apart, or no times for the unit "s".
     """
-    _require_same_length(estimate, truth)
-    require_count("step", step)
-    if len(truth) <= step:
-        raise InvalidInput(f"step must be below the number of poses, {len(truth)}, got {step}")
-    first = np.arange(len(truth) - step)
-    return _errors(estimate, truth, first, first + step, absolute=False)
+    require_same_length(estimate, truth)
+    if unit == "s":
+        if times is None or len(times) != len(truth):
+            raise InvalidInput(
+                "times must be given for a delta in seconds, one per pose; use scans or m"
+            )
+        steps = np.diff(times)
+        if np.any(steps < 0.0):
+            raise InvalidInput("times must ascend for a delta in seconds; sort the poses by time")
+    else:
+        steps = _steps(truth)[1:] if unit == "m" else np.ones(len(truth) - 1)
+    first, last = pose_pairs(steps, delta, unit, all_pairs=all_pairs)
+    return _errors(estimate, truth, first, last, absolute=False)
 
 
 def kitti_errors(
@@ -156,7 +142,7 @@ def kitti_errors(
     InvalidInput
         Trajectories of different lengths, or empty.
     """
-    _require_same_length(estimate, truth)
+    require_same_length(estimate, truth)
     require_count("every", every)
     along = path_lengths(truth)
     first: list[int] = []
@@ -208,22 +194,10 @@ def path_lengths(poses: Sequence[Pose]) -> Vector:
     -------
     (n,) [m]
     """
-    positions = np.array([pose.translation for pose in poses]).reshape(-1, 3)
-    steps = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1]), axis=1)
-    return np.cumsum(steps)
+    return np.cumsum(_steps(poses))
 
 
-def _umeyama(estimate: Sequence[Pose], truth: Sequence[Pose]) -> Pose:
-    target, source = (np.array([pose.translation for pose in poses]) for poses in (truth, estimate))
-    if not PairMoments.of(target, source).constrains_rotation:
-        # Collinear or coincident positions do not constrain the rotation; the first poses do.
-        return truth[0] @ estimate[0].inverse()
-    return fit_arun(target, source)
-
-
-def _require_same_length(estimate: Sequence[Pose], truth: Sequence[Pose]) -> None:
-    if len(estimate) != len(truth) or len(truth) == 0:
-        raise InvalidInput(
-            "estimate and truth must have the same number of poses, at least one, got "
-            f"{len(estimate)} and {len(truth)}"
-        )
+def _steps(poses: Sequence[Pose]) -> Vector:
+    """Return the distance of each pose from the previous one; 0 for the first."""
+    at = positions(poses)
+    return np.linalg.norm(np.diff(at, axis=0, prepend=at[:1]), axis=1)

@@ -13,9 +13,30 @@ _MIN_SOLVED_RATIO = 0.75
 """Minimum ratio of solved pairs of an accurate method."""
 
 
+MIN_PAIRS = 10
+"""Minimum number of pairs that decide a claim: with fewer, one lost pair changes the answer."""
+
+
 def undecided(statement: str, reason: str) -> Claim:
     """Return a claim that the data do not decide."""
     return Claim(statement=statement, holds=None, reason=reason)
+
+
+def judged(claims: Sequence[Claim], count: int, noun: str = "pairs") -> list[Claim]:
+    """Return claims on a number of pairs; with fewer than `MIN_PAIRS` all are undecided.
+
+    Parameters
+    ----------
+    claims : sequence of Claim
+    count : int
+        Number of pairs, or of what `noun` says.
+    noun : str
+        Plural of the items.
+    """
+    if count >= MIN_PAIRS:
+        return list(claims)
+    few = f"too few {noun} to judge: {count}, at least {MIN_PAIRS} needed"
+    return [undecided(claim.statement, few) for claim in claims]
 
 
 def missing(outcome: Outcome, names: Sequence[str], *, truth: bool) -> str:

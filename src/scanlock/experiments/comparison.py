@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from scanlock.experiments.consensus import consensus, reference_pose
 from scanlock.experiments.experiment import Findings, Outcome, Progress, Section, no_progress
 from scanlock.experiments.pairwise import (
     ERROR_PANELS,
@@ -18,7 +19,6 @@ from scanlock.experiments.pairwise import (
     pair_table,
 )
 from scanlock.experiments.series import ScanSeries
-from scanlock.geometry.pose import Pose
 from scanlock.pipelines.starts import AroundTruth
 from scanlock.pipelines.study import Study, StudyPair, StudyRecord
 from scanlock.pipelines.study_records import stored_records
@@ -55,6 +55,9 @@ class Comparison:
 
     tolerance: Tolerance = field(default_factory=lambda: SOLVED)
     """Maximum errors of a solved pair, and maximum differences within a consensus."""
+
+    threads: int = 1
+    """Maximum number of threads of a registration; only times depend on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,22 +98,19 @@ def compare(
     progress : Progress, optional
         Report of the registrations.
     """
-    study = Study(methods=comparison.methods, pairs=comparison.pairs, load=comparison.load)
-    direct = _grouped(
-        comparison,
-        list(progress(stored_records(path, study, comparison.key), len(study), "registering")),
+    study = Study(
+        methods=comparison.methods,
+        pairs=comparison.pairs,
+        load=comparison.load,
+        threads=comparison.threads,
     )
-    pairs, consensus_count = [*comparison.pairs], 0
-    if comparison.use_consensus:
-        pairs = [_with_consensus(comparison, pair, direct) for pair in pairs]
-        consensus_count = sum(
-            new.truth is not old.truth for new, old in zip(pairs, comparison.pairs, strict=True)
-        )
-        truths = {pair.name: pair.truth for pair in pairs}
-        direct = {
-            name: [record.with_truth(truths[record.task.pair]) for record in records]
-            for name, records in direct.items()
-        }
+    records = progress(stored_records(path, study, comparison.key), len(study), "registering")
+    direct = _grouped(comparison, list(records))
+    agreeing = _consensus_of_pairs(comparison, direct) if comparison.use_consensus else {}
+    pairs = [
+        replace(pair, truth=agreeing[pair.name][0].pose) if agreeing.get(pair.name) else pair
+        for pair in comparison.pairs
+    ]
     around: Records = {}
     known = [pair for pair in pairs if pair.truth is not None]
     if comparison.around is not None and known:
@@ -119,24 +119,39 @@ def compare(
         around = _grouped(
             comparison, list(progress(records, len(study), "starts around the truth"))
         )
-    return ComparisonResult(pairs, direct, around, consensus_count)
+    return ComparisonResult(
+        pairs,
+        _referenced(direct, agreeing),
+        _referenced(around, agreeing),
+        sum(map(bool, agreeing.values())),
+    )
 
 
-def consensus_pose(records: Sequence[StudyRecord], tolerance: Tolerance = SOLVED) -> Pose | None:
-    """Return the pose of one pair that most methods agree on; None where no two agree.
+def _consensus_of_pairs(
+    comparison: Comparison, direct: Records
+) -> dict[str, tuple[StudyRecord, ...]]:
+    """Return the consensus on each pair without a true pose, by the name of the pair."""
+    found: dict[str, tuple[StudyRecord, ...]] = {}
+    for row, pair in enumerate(comparison.pairs):
+        if pair.truth is None:
+            here = [records[row] for records in direct.values()]
+            found[pair.name] = consensus(here, comparison.tolerance)
+    return found
 
-    Only registrations with status ok count. Among poses with equal support, the one with the
-    largest product of overlap and score wins.
-    """
-    accepted = [record for record in records if record.ok]
-    best: tuple[int, float] = (0, -math.inf)
-    pose: Pose | None = None
-    for record in accepted:
-        support = sum(_agree(record, other, tolerance) for other in accepted if other is not record)
-        rank = (support, record.overlap * record.score)
-        if support > 0 and rank > best:
-            best, pose = rank, record.pose
-    return pose
+
+def _referenced(
+    records: Records, agreeing: Mapping[str, tuple[StudyRecord, ...]]
+) -> dict[str, list[StudyRecord]]:
+    """Return records with errors from the consensus, of which their own method has no part."""
+    return {
+        method: [
+            record.with_truth(reference_pose(agreeing[record.task.pair], method))
+            if record.task.pair in agreeing
+            else record
+            for record in found
+        ]
+        for method, found in records.items()
+    }
 
 
 def basins(
@@ -200,19 +215,6 @@ def _grouped(comparison: Comparison, records: Sequence[StudyRecord]) -> dict[str
     }
 
 
-def _with_consensus(comparison: Comparison, pair: StudyPair, direct: Records) -> StudyPair:
-    if pair.truth is not None:
-        return pair
-    here = [
-        record for records in direct.values() for record in records if record.task.pair == pair.name
-    ]
-    return replace(pair, truth=consensus_pose(here, comparison.tolerance))
-
-
-def _agree(one: StudyRecord, other: StudyRecord, tolerance: Tolerance) -> bool:
-    return tolerance.accepts(one.with_truth(other.pose))
-
-
 def comparison_findings(
     comparison: Comparison, result: ComparisonResult, series: ScanSeries
 ) -> Findings:
@@ -225,8 +227,9 @@ def comparison_findings(
         return Findings(sections=[Section(title="From the identity", text=text, tables=tables)])
     text = (
         f"{result.evaluated_count} of {len(result.pairs)} pairs have a true pose; "
-        f"{result.consensus_count} of these are a consensus of the methods. A pair is solved "
-        f"within {tolerance} of the true pose."
+        f"{result.consensus_count} of these are a consensus of the methods, in which each method "
+        f"is compared with the best other one. A pair is solved within {tolerance} of the true "
+        "pose."
     )
     panels = [
         BoxPanel(title, {name: errors(records) for name, records in result.direct.items()})
@@ -238,7 +241,7 @@ def comparison_findings(
     if plan is not None:
         text = (
             "Every pair with a true pose was registered from each distance and angle of the table, "
-            f"{plan.repeats} times each, in random directions "
+            f"{'once' if plan.repeats == 1 else f'{plan.repeats} times'}, in random directions "
             f"({'about the vertical' if plan.axis == 'vertical' else 'about any axis'}, seed "
             f"{plan.seed})."
         )

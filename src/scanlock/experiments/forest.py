@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from scanlock.experiments.claims import accurate, crisper, loses_pairs, more_accurate
+from scanlock.experiments.claims import accurate, crisper, judged, loses_pairs, more_accurate
 from scanlock.experiments.crispness import crispness_remarks, crispness_table
 from scanlock.experiments.experiment import (
     Claim,
@@ -61,7 +61,10 @@ def _analyse(outcome: Outcome, progress: Progress) -> Findings:
                 text=f"A pair is solved within {SOLVED} of its true pose, if that is known.",
                 tables={"errors": error_table(outcome), "pairs": pair_table(outcome)},
             ),
-            Section(title="Claims of the paper", claims=_claims(outcome, counts)),
+            Section(
+                title="Claims of the paper",
+                claims=judged(_claims(outcome, counts), len(outcome.pairs)),
+            ),
         ],
         trajectories=trajectories,
         times=outcome.series.times,

@@ -137,7 +137,10 @@ def _files(findings: Findings, methods: Mapping[str, Method[Any]]) -> str:
         "`scanlock register --settings`",
         "maps": f"{names['maps']}: one point per filled voxel of {VOXEL_SIZE:g} m (.ply)",
     }
-    lines = ["- `records.jsonl`: all registrations with poses\n"]
+    lines = [
+        "- `records.jsonl`: all registrations with poses\n",
+        "- `times.jsonl`: their wall times without compiling, which differ from run to run\n",
+    ]
     lines += [f"- `{folder}/`: {text}\n" for folder, text in rows.items() if names[folder]]
     return "## Files\n\n" + "".join(lines)
 

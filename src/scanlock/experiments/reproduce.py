@@ -37,7 +37,12 @@ class Reproduction:
 
 
 def reproduce(
-    experiment: Experiment, series: ScanSeries, folder: Path, progress: Progress = no_progress
+    experiment: Experiment,
+    series: ScanSeries,
+    folder: Path,
+    progress: Progress = no_progress,
+    *,
+    threads: int = 1,
 ) -> Reproduction:
     """Run an experiment and write its results into a folder.
 
@@ -53,6 +58,8 @@ def reproduce(
         Output folder; created if necessary.
     progress : Progress, optional
         Report of the registrations and of the scans of the maps.
+    threads : int
+        Maximum number of threads of a registration; only times depend on it.
 
     Raises
     ------
@@ -66,6 +73,7 @@ def reproduce(
         pairs=pairs,
         load=series.load,
         starts=experiment.starts,
+        threads=threads,
     )
     records = stored_records(folder / RECORDS, study, series.key)
     done = list(progress(records, len(study), "registering"))

@@ -243,6 +243,14 @@ class Pose:
     def __hash__(self) -> int:
         return hash((self.rotation.tobytes(), self.translation.tobytes()))
 
+    def __repr__(self) -> str:
+        turn = np.degrees(log_rotation(self.rotation))
+        lengths, angles = (
+            ", ".join(f"{round(float(one), 4) + 0.0:.10g}" for one in part)
+            for part in (self.translation, turn)
+        )
+        return f"Pose([{lengths}] m, [{angles}] deg)"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return Pose, (np.array(self.rotation), np.array(self.translation))
 

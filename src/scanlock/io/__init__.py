@@ -1,45 +1,58 @@
 """Files: scans, poses, labels and sequences of scans.
 
-What belongs here reads, writes or describes files; points leave it as they are stored. Points are
+What belongs here reads, writes or describes files; points leave it in metres. Points are
 checked in `scanlock.clouds`, and settings files are read in `scanlock.registration.settings`.
 """
 
 from scanlock.io.atomic import atomic_file
-from scanlock.io.describe import ScanDescription, describe_scan
+from scanlock.io.crs import CoordinateSystem
+from scanlock.io.describe import describe_scan
+from scanlock.io.formats.e57.poses import write_e57_poses
 from scanlock.io.formats.registry import FORMATS, ScanFormat
 from scanlock.io.labels import read_labels, write_labels
-from scanlock.io.poses import (
+from scanlock.io.poses import read_pose, read_pose_matrix, write_pose
+from scanlock.io.scan_description import ScanDescription
+from scanlock.io.scan_file import ScanFile
+from scanlock.io.scan_sequence import ScanSequence
+from scanlock.io.scans import read_scan, write_scan
+from scanlock.io.sequences import open_sequence
+from scanlock.io.station_files import read_scans, write_scans
+from scanlock.io.trajectory_files import (
     read_kitti_poses,
-    read_pose,
-    read_pose_matrix,
+    read_numbered_poses,
+    read_trajectory,
     read_tum_poses,
     write_kitti_poses,
-    write_pose,
     write_tum_poses,
 )
-from scanlock.io.scan_file import ScanFile
-from scanlock.io.scans import read_scan, write_scan
-from scanlock.io.sequences import ScanSequence, open_sequence, read_trajectory
+from scanlock.io.transform import merge_scans, transform_scan
 
 __all__ = [
     "FORMATS",
+    "CoordinateSystem",
     "ScanDescription",
     "ScanFile",
     "ScanFormat",
     "ScanSequence",
     "atomic_file",
     "describe_scan",
+    "merge_scans",
     "open_sequence",
     "read_kitti_poses",
     "read_labels",
+    "read_numbered_poses",
     "read_pose",
     "read_pose_matrix",
     "read_scan",
+    "read_scans",
     "read_trajectory",
     "read_tum_poses",
+    "transform_scan",
+    "write_e57_poses",
     "write_kitti_poses",
     "write_labels",
     "write_pose",
     "write_scan",
+    "write_scans",
     "write_tum_poses",
 ]

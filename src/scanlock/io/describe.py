@@ -2,7 +2,6 @@
 
 import math
 import os
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +9,26 @@ import numpy as np
 
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.geometry.pose import Pose
 from scanlock.io.errors import malformed
 from scanlock.io.formats.registry import FORMATS
+from scanlock.io.scan_description import (
+    FieldSummary,
+    Guesses,
+    LasSummary,
+    ScanDescription,
+    SystemSummary,
+)
 from scanlock.io.scan_file import Field, ScanFile
 from scanlock.io.scan_guesses import (
-    SettingsGuess,
-    TimeGuess,
     guess_sensor,
-    guess_settings,
     guess_time,
     ring_field,
     time_field,
+    unit_questions,
 )
 from scanlock.io.scans import Columns, read_scan
+from scanlock.io.stations import split_station
 
 _MAX_QUERIES = 5000
 """Number of points whose nearest neighbour is searched for the spacing, about."""
@@ -31,132 +37,18 @@ _MAX_LABELS = 32
 """Maximum number of distinct whole numbers in a column that may be labels."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FieldSummary:
-    """Summary of a column other than the coordinates."""
-
-    name: str
-    """Name in the file."""
-
-    dtype: str
-    """Type in the file."""
-
-    values: int
-    """Number of values per point."""
-
-    minimum: float
-    """Smallest finite value; NaN if there is none."""
-
-    maximum: float
-    """Largest finite value; NaN if there is none."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Guesses:
-    """Guesses from the values of a scan; any of them may be wrong."""
-
-    sensor: str
-    """Kind of sensor."""
-
-    time: TimeGuess | None
-    """Unit and clock of the column of times; None without such a column."""
-
-    settings: SettingsGuess
-    """Registration settings to begin with."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ScanDescription:
-    """Facts of a scan file, and guesses in a separate attribute."""
-
-    path: str
-    """Path of the file."""
-
-    format: str
-    """Key of `scanlock.io.FORMATS`."""
-
-    title: str
-    """Name of the format for display."""
-
-    encoding: str
-    """Encoding within the format."""
-
-    size: int
-    """Size of the file [bytes]."""
-
-    points: int
-    """Number of rows."""
-
-    width: int
-    """Number of columns of an organised cloud, else of all rows."""
-
-    height: int
-    """Number of rows of an organised cloud, else 1."""
-
-    coordinate_dtype: str
-    """Type of the coordinates in the file."""
-
-    fields: tuple[FieldSummary, ...]
-    """Columns other than the coordinates."""
-
-    not_finite: int
-    """Number of rows with NaN or Inf coordinates."""
-
-    zeros: int
-    """Number of rows at (0, 0, 0), which sensors write for lost returns."""
-
-    duplicates: int
-    """Number of rows that repeat an earlier row exactly, without those at (0, 0, 0)."""
-
-    minimum: tuple[float, float, float]
-    """Smallest x, y and z [m] of the usable rows (finite, not zero)."""
-
-    maximum: tuple[float, float, float]
-    """Largest x, y and z [m] of the usable rows."""
-
-    median_range: float
-    """Median horizontal distance from the origin of the file [m]."""
-
-    max_range: float
-    """Largest horizontal distance from the origin of the file [m]."""
-
-    spacing: float
-    """Median distance between nearest neighbours of a sample [m]; NaN for a single point."""
-
-    large_coordinates: bool
-    """Whether the coordinates are far enough from zero to be map coordinates."""
-
-    origin: tuple[float, float, float]
-    """Offset that registration subtracts first [m]; zero unless `large_coordinates`."""
-
-    ring_field: str | None
-    """Name of the column of beam numbers; None without one."""
-
-    rings: int | None
-    """Number of distinct beam numbers; None without such a column."""
-
-    time_field: str | None
-    """Name of the column of times; None without one."""
-
-    guesses: Guesses
-    """All that was guessed."""
-
-    notes: tuple[str, ...]
-    """Notes of the reader, and on unusual values."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON, with the guesses under ``guesses`` and None for NaN."""
-        return _plain(asdict(self))
-
-
 def describe_scan(
-    path: str | os.PathLike[str], format: str | None = None, *, columns: Columns = None
+    path: str | os.PathLike[str],
+    format: str | None = None,
+    *,
+    columns: Columns = None,
+    scale: float | None = None,
 ) -> ScanDescription:
     """Describe a scan file.
 
     Parameters
     ----------
-    path, format, columns
+    path, format, columns, scale
         As for `read_scan`.
 
     Returns
@@ -171,20 +63,26 @@ def describe_scan(
         As for `read_scan`.
     """
     path = Path(path)
-    scan = read_scan(path, format, columns=columns)
+    scan = read_scan(path, format, columns=columns, scale=scale)
     usable, not_finite, zeros = _usable_points(path, scan)
     distinct = _distinct_rows(usable)
-    origin = PointCloud.from_array(usable).origin
+    cloud = PointCloud.from_array(usable)
+    origin = cloud.origin
+    is_geographic = scan.crs is not None and scan.crs.is_geographic
     ranges = np.hypot(usable[:, 0], usable[:, 1])
+    if origin.any() or is_geographic:
+        ranges = np.full(1, np.nan)
+    spacing = math.nan if is_geographic else _spacing(distinct - origin)
     rings = ring_field(scan)
     times = time_field(scan)
     ring_count = None if rings is None else len(np.unique(scan.fields[rings]))
     return ScanDescription(
         path=str(path),
+        questions=unit_questions(scan.crs, cloud, spacing),
         format=scan.format,
         title=FORMATS[scan.format].title,
         encoding=scan.encoding,
-        size=path.stat().st_size,
+        size=split_station(path)[0].stat().st_size,
         points=len(scan),
         width=scan.width,
         height=scan.height,
@@ -197,15 +95,24 @@ def describe_scan(
         maximum=_triple(usable.max(axis=0)),
         median_range=float(np.median(ranges)),
         max_range=float(ranges.max()),
-        spacing=_spacing(distinct - origin),
+        spacing=spacing,
         large_coordinates=bool(origin.any()),
         origin=_triple(origin),
+        station=scan.station,
+        file_from_station=_rows(scan.file_from_station),
+        metres_per_unit=scan.metres_per_unit,
+        system=_system_summary(scan),
+        las=_las_summary(scan),
         ring_field=rings,
         rings=ring_count,
         time_field=times,
         guesses=_guesses(scan, usable - origin, ring_count, times),
         notes=(*scan.notes, *_notes(scan, usable)),
     )
+
+
+def _rows(pose: Pose | None) -> tuple[tuple[float, ...], ...] | None:
+    return None if pose is None else tuple(tuple(row) for row in pose.matrix.tolist())
 
 
 def _usable_points(path: Path, scan: ScanFile) -> tuple[Points, int, int]:
@@ -226,11 +133,36 @@ def _usable_points(path: Path, scan: ScanFile) -> tuple[Points, int, int]:
 
 
 def _guesses(scan: ScanFile, local: Points, ring_count: int | None, times: str | None) -> Guesses:
-    sensor = guess_sensor(local, ring_count, scan.height)
+    is_geographic = scan.crs is not None and scan.crs.is_geographic
     return Guesses(
-        sensor=sensor,
+        sensor="unknown" if is_geographic else guess_sensor(local, ring_count, scan.height),
         time=None if times is None else guess_time(times, scan.fields[times]),
-        settings=guess_settings(local),
+    )
+
+
+def _system_summary(scan: ScanFile) -> SystemSummary | None:
+    if scan.crs is None:
+        return None
+    return SystemSummary(
+        name=scan.crs.name,
+        epsg=scan.crs.epsg,
+        vertical_epsg=scan.crs.vertical_epsg,
+        horizontal_unit=scan.crs.horizontal_unit,
+        vertical_unit=scan.crs.vertical_unit,
+        is_geographic=scan.crs.is_geographic,
+    )
+
+
+def _las_summary(scan: ScanFile) -> LasSummary | None:
+    if scan.las is None:
+        return None
+    return LasSummary(
+        version=scan.las.version,
+        point_format=scan.las.point_format,
+        scales=scan.las.scales,
+        offsets=scan.las.offsets,
+        system_id=scan.las.system_id,
+        software=scan.las.software,
     )
 
 
@@ -294,13 +226,3 @@ def _notes(scan: ScanFile, usable: Points) -> list[str]:
 def _triple(values: Points) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -1,28 +1,25 @@
-"""Files of poses and trajectories: matrices as text, JSON or NumPy; KITTI and TUM."""
+"""Files of one pose: a matrix as text, JSON or NumPy array."""
 
 import json
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Vector
+from scanlock.arrays import Matrix
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.atomic import atomic_file
 from scanlock.io.errors import malformed, read_bytes
 from scanlock.io.formats.npy import array_from_npy
 from scanlock.io.numeric_text import SEPARATORS, parse_rows, without_comments
-from scanlock.io.quaternions import pose_from_quaternion
 
 _KEY = "target_from_source"
 _BRACKETS = bytes.maketrans(b"[]()", b"    ")
 _EXPECTED = "a 4x4 or 3x4 matrix, or its 16 or 12 numbers"
-_REMEDY = "check that it is the right file and complete"
+REMEDY = "check that it is the right file and complete"
 
 
 def read_pose(path: str | os.PathLike[str]) -> Pose:
@@ -50,7 +47,7 @@ def read_pose(path: str | os.PathLike[str]) -> Pose:
         Any other content; the message gives the line, where there is one.
     """
     path = Path(path)
-    return _rigid(path, *_located_rows(path))
+    return rigid_pose(path, *_located_rows(path))
 
 
 def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
@@ -74,12 +71,12 @@ def read_pose_matrix(path: str | os.PathLike[str]) -> Matrix:
     """
     path = Path(path)
     where, rows = _located_rows(path)
-    matrix = _rigid(path, where, rows).matrix
+    matrix = rigid_pose(path, where, rows).matrix
     matrix[:3, :3] = rows[:3, :3]
     return matrix
 
 
-def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
+def write_pose(path: str | os.PathLike[str], pose: Pose, comment: str = "") -> None:
     """Write the 4x4 matrix of a pose as text, with 17 significant digits, which lose nothing.
 
     Parameters
@@ -87,145 +84,41 @@ def write_pose(path: str | os.PathLike[str], pose: Pose) -> None:
     path : path-like
         Text file to write.
     pose : Pose
+    comment : str
+        Text for a first line after ``#``, which `read_pose` ignores; in one line.
     """
-    _write_rows(path, pose.matrix)
+    write_rows(path, pose.matrix, comment)
 
 
-def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
-    """Read a trajectory in KITTI format: the 12 numbers of a 3x4 matrix per line.
+def read_pose_comment(path: str | os.PathLike[str]) -> str:
+    """Return the comment of a pose file in text, or the status of one in JSON; empty without.
 
-    Parameters
-    ----------
-    path : path-like
-        Text file.
-
-    Returns
-    -------
-    list of Pose
-
-    Raises
-    ------
-    FileNotFoundError
-        The file does not exist.
-    FormatError
-        A line that is not a pose; the message gives its number.
+    Files of `scanlock register` state there that a pose is not verified.
     """
-    path = Path(path)
-    lines, rows = _rows(path, 12)
-    return [_pose(path, f"line {line}", row) for line, row in zip(lines, rows, strict=True)]
+    data = read_bytes(Path(path), "pose")
+    if data.startswith(b"#"):
+        return data.splitlines()[0][1:].decode("utf-8", "replace").strip()
+    if not data.lstrip().startswith(b"{"):
+        return ""
+    try:
+        content = json.loads(data)
+    except ValueError:
+        return ""
+    status = content.get("status", "ok")
+    return "" if status == "ok" else f"not verified: {status}; {content.get('reason', '')}"
 
 
-def write_kitti_poses(path: str | os.PathLike[str], poses: Sequence[Pose]) -> None:
-    """Write a trajectory in KITTI format, with 17 significant digits.
-
-    Parameters
-    ----------
-    path : path-like
-        Text file to write.
-    poses : sequence of Pose
-
-    Raises
-    ------
-    InvalidInput
-        No poses.
-    """
-    _require_poses(poses)
-    _write_rows(path, np.stack([pose.matrix[:3].ravel() for pose in poses]))
-
-
-def read_tum_poses(path: str | os.PathLike[str]) -> tuple[Vector, list[Pose]]:
-    """Read a trajectory in TUM format: ``t x y z qx qy qz qw`` per line.
-
-    Parameters
-    ----------
-    path : path-like
-        Text file.
-
-    Returns
-    -------
-    times : (n,) [s]
-    poses : list of Pose
-
-    Raises
-    ------
-    FileNotFoundError
-        The file does not exist.
-    FormatError
-        A line that is not a time and a pose; the message gives its number.
-    """
-    path = Path(path)
-    lines, rows = _rows(path, 8)
-    poses: list[Pose] = []
-    for line, row in zip(lines, rows, strict=True):
-        try:
-            if not np.isfinite(row[0]):
-                raise InvalidInput(f"a time must be finite, got {row[0]}")
-            poses.append(pose_from_quaternion(row[1:4].tolist(), row[[7, 4, 5, 6]].tolist()))
-        except InvalidInput as error:
-            raise malformed(
-                path,
-                f"line {line}",
-                expected="t x y z and a unit quaternion qx qy qz qw",
-                found=str(error),
-                remedy=_REMEDY,
-            ) from error
-    return np.ascontiguousarray(rows[:, 0]), poses
-
-
-def write_tum_poses(path: str | os.PathLike[str], times: ArrayLike, poses: Sequence[Pose]) -> None:
-    """Write a trajectory in TUM format, with 17 significant digits.
-
-    Parameters
-    ----------
-    path : path-like
-    times : (n,) [s]
-    poses : sequence of n Pose
-
-    Raises
-    ------
-    InvalidInput
-        No poses, or another number of finite times.
-    """
-    _require_poses(poses)
-    stamps = np.asarray(times, dtype=np.float64)
-    if stamps.shape != (len(poses),) or not np.isfinite(stamps).all():
-        raise InvalidInput(
-            f"times must be {len(poses)} finite numbers, one per pose, got shape {stamps.shape}"
-        )
-    rows = np.empty((len(poses), 8))
-    rows[:, 0] = stamps
-    for row, pose in zip(rows, poses, strict=True):
-        row[1:4] = pose.translation
-        row[[7, 4, 5, 6]] = quaternion_from_rotation(pose.rotation)
-    _write_rows(path, rows)
-
-
-def _write_rows(path: str | os.PathLike[str], rows: Matrix) -> None:
-    lines = (" ".join(f"{value:.17g}" for value in row) for row in rows.tolist())
+def write_rows(path: str | os.PathLike[str], rows: Matrix, comment: str = "") -> None:
+    """Write rows of numbers with 17 significant digits, and a comment in the first line."""
+    lines = [" ".join(f"{value:.17g}" for value in row) for row in rows.tolist()]
+    if comment:
+        lines.insert(0, "# " + " ".join(comment.split()))
     with atomic_file(path) as handle:
-        handle.write(("\n".join(lines) + "\n").encode("ascii"))
-
-
-def _require_poses(poses: Sequence[Pose]) -> None:
-    if len(poses) == 0:
-        raise InvalidInput("poses must hold at least one pose to be written, got none")
+        handle.write(("\n".join(lines) + "\n").encode())
 
 
 def _columns(path: Path, data: bytes, width: int | None) -> list[NDArray[Any]]:
     return parse_rows(path, without_comments(data).translate(SEPARATORS), width=width)
-
-
-def _rows(path: Path, width: int) -> tuple[list[int], Matrix]:
-    """Return the line numbers and the (n, width) values of a trajectory file."""
-    data = read_bytes(path, "trajectory")
-    columns = _columns(path, data, width)
-    if not columns:
-        raise malformed(
-            path, "data", expected=f"lines of {width} numbers", found="none", remedy=_REMEDY
-        )
-    texts = without_comments(data).split(b"\n")
-    lines = [number for number, text in enumerate(texts, start=1) if text.strip()]
-    return lines, np.stack(columns, axis=1).astype(np.float64)
 
 
 def _located_rows(path: Path) -> tuple[str, Matrix]:
@@ -252,12 +145,12 @@ def _json_numbers(path: Path, data: bytes) -> Any:
         content: Any = json.loads(data)
     except json.JSONDecodeError as error:
         raise malformed(
-            path, f"line {error.lineno}", expected="JSON", found=error.msg, remedy=_REMEDY
+            path, f"line {error.lineno}", expected="JSON", found=error.msg, remedy=REMEDY
         ) from error
     except (ValueError, RecursionError) as error:
         # Not UTF-8, or a number of thousands of digits, or thousands of brackets.
         raise malformed(
-            path, "JSON", expected="a matrix in UTF-8", found=str(error), remedy=_REMEDY
+            path, "JSON", expected="a matrix in UTF-8", found=str(error), remedy=REMEDY
         ) from error
     if isinstance(content, dict):
         if _KEY not in content:
@@ -272,18 +165,13 @@ def _json_numbers(path: Path, data: bytes) -> Any:
     return content
 
 
-def _pose(path: Path, where: str, numbers: Any) -> Pose:
-    """Return the pose of 12 or 16 numbers, flat or as a matrix."""
-    return _rigid(path, where, _matrix_rows(path, where, numbers))
-
-
 def _matrix_rows(path: Path, where: str, numbers: Any) -> Matrix:
     """Return 12 or 16 numbers, flat or as a matrix, as rows of four."""
     try:
         matrix = np.asarray(numbers, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise malformed(
-            path, where, expected=_EXPECTED, found=f"other content ({error})", remedy=_REMEDY
+            path, where, expected=_EXPECTED, found=f"other content ({error})", remedy=REMEDY
         ) from error
     if matrix.shape not in ((4, 4), (3, 4), (12,), (1, 12), (12, 1), (16,), (1, 16), (16, 1)):
         raise malformed(
@@ -296,7 +184,8 @@ def _matrix_rows(path: Path, where: str, numbers: Any) -> Matrix:
     return matrix.reshape(-1, 4)
 
 
-def _rigid(path: Path, where: str, matrix: Matrix) -> Pose:
+def rigid_pose(path: Path, where: str, matrix: Matrix) -> Pose:
+    """Return the pose of a (3, 4) or (4, 4) matrix; raise `FormatError` if it is not rigid."""
     try:
         return Pose.from_matrix(matrix)
     except InvalidInput as error:
@@ -306,5 +195,5 @@ def _rigid(path: Path, where: str, matrix: Matrix) -> Pose:
             where,
             expected="a rotation and a translation",
             found=str(error),
-            remedy="it looks transposed: store it row by row" if transposed else _REMEDY,
+            remedy="it looks transposed: store it row by row" if transposed else REMEDY,
         ) from error

@@ -1,6 +1,6 @@
-"""Contents of a scan file: points and fields as stored, with notes on all that was guessed."""
+"""Contents of a scan file: points in metres and fields, with notes on all that was guessed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Points, frozen
+from scanlock.arrays import Points, frozen, short_repr
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.io.columns import find_coordinates, unique_names
+from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
+from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.errors import malformed
+from scanlock.io.formats.las.properties import LasProperties
 
 Field = NDArray[Any]
 """(n,) or (n, k) values, one row for each point."""
@@ -21,7 +23,7 @@ Field = NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ScanFile:
-    """Contents of one scan file, with the rows, units and frame of the file.
+    """Contents of one scan file, with its rows and frame, in metres.
 
     Rows with NaN or Inf are kept, so that labels and masks match the rows of the file;
     `scanlock.clouds.point_cloud.PointCloud` removes and counts them.
@@ -34,7 +36,7 @@ class ScanFile:
     """
 
     points: Points
-    """(n, 3) coordinates as stored, converted to float64; n is at least 1."""
+    """(n, 3) coordinates [m] as float64; n is at least 1. Degrees if `crs` is geographic."""
 
     fields: Mapping[str, Field]
     """All other columns by name, in the order and type of the file."""
@@ -57,8 +59,31 @@ class ScanFile:
     viewpoint: Pose | None = None
     """Pose of the sensor in the frame of the points, for formats that store one (PCD)."""
 
+    station: str = ""
+    """Name of the station, for formats that name their scans (E57)."""
+
+    file_from_station: Pose | None = None
+    """Pose of the station in the frame of the file, for formats that store one (E57, PTX).
+
+    The points are in the frame of the station, with the scanner at the origin by convention;
+    ``scan.file_from_station @ scan.points`` are in the frame of the file. None if the file has
+    no pose.
+    """
+
+    crs: CoordinateSystem | None = None
+    """Coordinate reference system; None if the file states none. `write_scan` writes LAS files in
+    its unit."""
+
+    metres_per_unit: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Factors of x, y and z from the unit of the file to metres, applied on reading."""
+
+    las: LasProperties | None = None
+    """Version, point format, scales and records of a LAS file, kept for writing."""
+
     notes: tuple[str, ...] = ()
     """Notes of the reader, one for each property that was inferred rather than read."""
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         points = self.points.view()
@@ -105,6 +130,9 @@ def scan_from_columns(
     path: Path,
     names: Sequence[str],
     columns: Sequence[Field],
+    *,
+    request: Request = None,
+    named: bool = True,
     **attributes: Any,
 ) -> ScanFile:
     """Build a scan from named columns; x, y and z become the points.
@@ -114,15 +142,21 @@ def scan_from_columns(
     path : Path
         The file, for messages.
     names, columns : sequences of equal length
+    request, named
+        Columns that the caller wants, and whether the names are those of the file; see
+        `scanlock.io.columns.select_columns`.
     **attributes
         Further attributes of `ScanFile`: ``format``, ``notes``, ...
 
     Raises
     ------
     FormatError
-        Names without x, y and z, coordinates that are not scalar numbers, or no row.
+        Names without x, y and z, coordinates that are not scalar numbers, no row, or columns
+        that the file does not have.
     """
-    names = unique_names(names)
+    chosen = select_columns(path, unique_names(names), request, named=named)
+    names = [name for name, _ in chosen]
+    columns = [columns[index] for _, index in chosen]
     axes = find_coordinates(names)
     if axes is None:
         raise malformed(
@@ -130,7 +164,7 @@ def scan_from_columns(
             "header",
             expected="columns named x, y and z",
             found=", ".join(names),
-            remedy="rename them, or pass columns= for a format without names",
+            remedy='say which they are, as in columns="x=easting y=northing z=height"',
         )
     count = len(columns[axes[0]])
     if count == 0:
@@ -165,8 +199,16 @@ def scan_from_columns(
     return ScanFile(points=points, fields=fields, **attributes)
 
 
-def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
+def flat_fields(path: Path, scan: ScanFile, whole: Collection[str] = ()) -> dict[str, Field]:
     """Return the fields as single columns; (n, k) fields become ``name_0``, ``name_1``, ...
+
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    scan : ScanFile
+    whole : collection of str
+        Names of (n, k) fields to leave as they are.
 
     Raises
     ------
@@ -176,7 +218,7 @@ def flat_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
     flat: dict[str, Field] = {}
     for name, values in scan.fields.items():
         columns = [(name, values)]
-        if values.ndim == 2:
+        if values.ndim == 2 and name not in whole:
             columns = [(f"{name}_{k}", part) for k, part in enumerate(values.T)]
         for label, column in columns:
             if label in flat:

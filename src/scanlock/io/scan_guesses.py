@@ -1,14 +1,16 @@
-"""Guesses about a scan for ``scanlock info``: sensor, unit of the times, settings to begin with.
+"""Guesses about a scan for ``scanlock info``: sensor, unit of the times and of lengths.
 
 All of them are heuristics, and are presented as guesses.
 """
 
-import bisect
 from dataclasses import dataclass
 
 import numpy as np
 
 from scanlock.arrays import Points, Vector
+from scanlock.clouds.point_cloud import PointCloud
+from scanlock.io.crs.coordinate_system import CoordinateSystem
+from scanlock.io.crs.units import UNKNOWN
 from scanlock.io.scan_file import Field, ScanFile
 
 _TIME_NAMES = (
@@ -57,7 +59,11 @@ _MIN_CELLS = 50
 _MIN_CELL_POINTS = 6
 """Minimum number of points of a cell, as for the Gaussians of common NDT implementations."""
 
-_ROUND_SIZES = tuple(float(f"{m}e{k}") for k in range(-2, 4) for m in ("1", "1.5", "2", "3", "5"))
+_MAX_RADIUS, _MIN_RADIUS = 2000.0, 0.1
+"""Median distances from the middle of a scan [m] beyond which its unit is unclear."""
+
+_LARGE_RADIUS, _SPARSE = 100.0, 0.5
+"""Median distance from the middle, and spacing [m], above which only terrain is in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -72,20 +78,6 @@ class TimeGuess:
 
     clock: str
     """Clock: ``"Unix time"`` or ``"relative"``."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SettingsGuess:
-    """Guess of registration settings to begin with."""
-
-    max_range: float
-    """Horizontal range that holds 99 % of the points, rounded up [m]."""
-
-    voxel_size: float
-    """Smallest round voxel size at which half of the occupied voxels hold 6 points [m]."""
-
-    method: str
-    """Name of the method to try first."""
 
 
 def time_field(scan: ScanFile) -> str | None:
@@ -172,20 +164,48 @@ def guess_sensor(points: Points, rings: int | None, rows: int) -> str:
     return "scanner away from the origin, or a map of several scans"
 
 
-def guess_settings(points: Points) -> SettingsGuess:
-    """Guess settings for a scan.
+def unit_questions(
+    crs: CoordinateSystem | None, cloud: PointCloud, spacing: float
+) -> tuple[str, ...]:
+    """Return questions on the unit of a scan, where it is unclear and the file does not state it.
 
     Parameters
     ----------
-    points : (n, 3) [m]
-        As for `guess_sensor`.
+    crs : CoordinateSystem or None
+    cloud : PointCloud
+    spacing : float [m]
+        Median distance between nearest neighbours.
     """
-    max_range = float(np.percentile(np.hypot(points[:, 0], points[:, 1]), 99))
-    return SettingsGuess(
-        max_range=_rounded_up(max_range),
-        voxel_size=_voxel_size(points),
-        method="sgc-ndt-d2d",
-    )
+    if crs is not None and crs.is_geographic:
+        return ()
+    if crs is not None and crs.horizontal_unit != UNKNOWN:
+        return ()
+    radius = cloud.radius
+    size = f"half of the points lie more than {radius:,.0f} units from their middle"
+    if radius > _MAX_RADIUS:
+        return (f"are these millimetres? {size}; --scale 0.001 reads millimetres",)
+    if radius > _LARGE_RADIUS and _is_tall(cloud, spacing):
+        return (
+            f"are these centimetres or millimetres? {size}, too tall for terrain; --scale 0.01 "
+            "reads centimetres, and --scale 0.001 millimetres",
+        )
+    if 0.0 < radius < _MIN_RADIUS:
+        return (
+            f"which unit is this? half of the points lie within {radius:.2g} units of their "
+            "middle; --scale gives the unit in metres, for example 1000 for kilometres",
+        )
+    if crs is not None:
+        return (
+            "are these feet? the coordinate system has no unit; --scale 0.3048 reads feet, and "
+            "--scale 0.30480061 US survey feet",
+        )
+    return ()
+
+
+def _is_tall(cloud: PointCloud, spacing: float) -> bool:
+    """Return whether a wide, sparse cloud is too tall for terrain: an object or a room."""
+    low, high = np.percentile(cloud.points[:, 2], (1.0, 99.0))
+    return spacing > _SPARSE and float(high - low) > 0.5 * cloud.radius
 
 
 def _named(scan: ScanFile, names: tuple[str, ...]) -> str | None:
@@ -289,23 +309,3 @@ def _multiple_surface_ratio(points: Points) -> float | None:
         return None
     depth = ranges[starts + counts * 9 // 10] - ranges[starts + counts // 10]
     return float((depth > 0.2 * ranges[starts + counts // 2]).mean())
-
-
-def _voxel_size(points: Points) -> float:
-    index = bisect.bisect_left(_ROUND_SIZES, True, key=lambda size: _is_filled(points, size))
-    return _ROUND_SIZES[min(index, len(_ROUND_SIZES) - 1)]
-
-
-def _is_filled(points: Points, size: float) -> bool:
-    """Return whether half of the occupied voxels of this size hold enough points."""
-    voxels = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
-    spans = voxels.max(axis=0) + 1
-    if float(np.prod(spans.astype(np.float64))) > 2.0**62:
-        return False
-    keys = (voxels[:, 0] * spans[1] + voxels[:, 1]) * spans[2] + voxels[:, 2]
-    counts = np.unique(keys, return_counts=True)[1]
-    return bool((counts >= _MIN_CELL_POINTS).mean() >= 0.5)
-
-
-def _rounded_up(value: float) -> float:
-    return next((size for size in _ROUND_SIZES if size >= value), float(np.ceil(value)))

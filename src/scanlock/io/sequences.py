@@ -1,88 +1,22 @@
 """Sequences of scans in a folder: plain files, KITTI, Ford Campus, or ``scanlock simulate``."""
 
 import os
-import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, frozen
-from scanlock.errors import FormatError, require_count
+from scanlock.arrays import Points, Vector
 from scanlock.geometry.pose import Pose
 from scanlock.io.datasets.ford import read_ford_scan
 from scanlock.io.datasets.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.formats.registry import format_of_name
-from scanlock.io.poses import read_kitti_poses, read_tum_poses
+from scanlock.io.scan_folders import natural_order, require_folder, scan_files
+from scanlock.io.scan_sequence import Loader, ScanSequence
 from scanlock.io.scans import read_scan
-
-_LAYOUTS = """\
-a folder of scan files, of KITTI (raw: velodyne_points/data; odometry: velodyne), of the Ford Campus
-data set (SCANS/Scan*.mat) or of scanlock simulate (scans)"""
-"""The supported layouts, for messages."""
-
-
-_Loader = Callable[[Path], Points]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class ScanSequence:
-    """Scan files in temporal order, with times and poses; points are read on request.
-
-    Attributes
-    ----------
-    title : str
-        Kind of the folder.
-    paths : tuple of Path
-        File of each scan.
-    times : (n,) [s]
-        Time of each scan; 0, 1, 2, ... where the folder has no times.
-    poses : tuple of Pose
-        ``world_from_sensor`` of each scan; empty where the folder has no poses.
-    load : callable
-        Function that returns the (n, 3) points [m] of a file, without rows at (0, 0, 0).
-    """
-
-    title: str
-    paths: tuple[Path, ...]
-    times: Vector
-    poses: tuple[Pose, ...]
-    load: _Loader
-
-    def __post_init__(self) -> None:
-        frozen(self.times)
-
-    def __len__(self) -> int:
-        return len(self.paths)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Name of each scan: that of its file without the extension."""
-        return tuple(path.stem for path in self.paths)
-
-    def scan(self, index: int) -> Points:
-        """Read the (n, 3) points [m] of a scan."""
-        return self.load(self.paths[index])
-
-    def subsampled(self, every: int, count: int | None = None) -> "ScanSequence":
-        """Return every k-th scan from the first on, at most `count` of them.
-
-        Raises
-        ------
-        InvalidInput
-            An `every` below one.
-        """
-        require_count("every", every)
-        rows = range(0, len(self), every)[:count]
-        return replace(
-            self,
-            paths=tuple(self.paths[row] for row in rows),
-            times=self.times[np.array(rows, np.int64)],
-            poses=tuple(self.poses[row] for row in rows) if self.poses else (),
-        )
+from scanlock.io.trajectory_files import read_kitti_poses, read_trajectory, read_tum_poses
 
 
 def open_sequence(
@@ -114,7 +48,7 @@ def open_sequence(
     FileNotFoundError
         The folder does not exist.
     FormatError
-        A folder without scans, or with another number of poses than of scans.
+        A file, a folder without scans, or one with another number of poses than of scans.
     InvalidInput
         An `every` below one.
 
@@ -126,8 +60,7 @@ def open_sequence(
     read.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise FileNotFoundError(2, "no such folder of scans", str(folder))
+    require_folder(folder)
     ford = _ford_files(folder)
     sequence = _sequence("Ford Campus", ford, load=_load_ford) if ford else _open_other(folder)
     if poses is not None:
@@ -136,64 +69,42 @@ def open_sequence(
     return _with_ford_metadata(sequence) if ford else sequence
 
 
-def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
-    """Read a trajectory in KITTI or TUM format.
-
-    Parameters
-    ----------
-    path : path-like
-        Text file.
-
-    Returns
-    -------
-    times : (n,) [s] or None
-        None for KITTI, whose files have no times.
-    poses : list of Pose
-
-    Raises
-    ------
-    FileNotFoundError
-        The file does not exist.
-    FormatError
-        A file in neither format.
-    """
-    path = Path(path)
-    try:
-        return None, read_kitti_poses(path)
-    except FormatError as kitti:
-        try:
-            return read_tum_poses(path)
-        except FormatError:
-            raise kitti from None
-
-
 def _sequence(
-    title: str, paths: tuple[Path, ...], times: Vector | None = None, load: _Loader | None = None
+    title: str,
+    paths: tuple[Path, ...],
+    load: Loader | None = None,
+    *,
+    times: Vector | None = None,
+    numbers: Sequence[int] | None = None,
+    missing_poses: str = "",
 ) -> ScanSequence:
-    """Return a sequence without poses; times are row numbers, and files are scans, by default."""
+    """Return a sequence without poses; by default files are scans, numbered from 0."""
+    counted = np.array(range(len(paths)) if numbers is None else numbers, np.int64)
     return ScanSequence(
         title=title,
         paths=paths,
-        times=np.arange(len(paths), dtype=np.float64) if times is None else times,
+        times=counted.astype(np.float64) if times is None else times,
+        numbers=counted,
         poses=(),
         load=load or _load,
+        missing_poses=missing_poses,
     )
 
 
 def _open_other(folder: Path) -> ScanSequence:
     raw = folder / "velodyne_points" / "data"
     if raw.is_dir():
-        return _kitti_raw(folder, _scan_files(raw))
+        return _kitti_raw(folder, scan_files(raw))
     if (folder / "velodyne").is_dir():
-        return _kitti_odometry(folder, _scan_files(folder / "velodyne"))
+        return _kitti_odometry(folder, scan_files(folder / "velodyne"))
     if (folder / "scans").is_dir():
-        return _simulated(folder, _scan_files(folder / "scans"))
-    return _sequence("folder of scans", _scan_files(folder))
+        return _simulated(folder, scan_files(folder / "scans"))
+    return _sequence("folder of scans", scan_files(folder))
 
 
 def _ford_files(folder: Path) -> tuple[Path, ...]:
     for parent in (folder / "SCANS", folder):
-        found = _sorted(parent.glob("Scan*.mat")) if parent.is_dir() else ()
+        found = natural_order(parent.glob("Scan*.mat")) if parent.is_dir() else ()
         if found:
             return found
     return ()
@@ -209,45 +120,82 @@ def _with_ford_metadata(sequence: ScanSequence) -> ScanSequence:
 
 def _kitti_raw(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
     stamps = folder / "velodyne_points" / "timestamps.txt"
-    times = _times_of(paths, read_clock_times(stamps)) if stamps.exists() else None
-    return _sequence("KITTI raw", paths, times)
+    times = read_clock_times(stamps) if stamps.exists() else None
+    track = " (oxts)" if (folder / "oxts").is_dir() else ""
+    return _kitti_sequence(
+        "KITTI raw",
+        paths,
+        times,
+        missing_poses=(
+            f"the GPS/IMU track{track} of a raw drive is off by decimetres within seconds and is "
+            "not used as truth; name a file of poses"
+        ),
+    )
 
 
 def _kitti_odometry(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
-    stamps = folder / "times.txt"
-    times = _times_of(paths, read_kitti_times(stamps)) if stamps.exists() else None
-    sequence = _sequence("KITTI odometry", paths, times, load=partial(_load, format="bin"))
     # The absolute path names the drive even for "."; links are not resolved.
     absolute = Path(os.path.abspath(folder))
+    stamps, calibration = folder / "times.txt", folder / "calib.txt"
     track = absolute.parent.parent / "poses" / f"{absolute.name}.txt"
-    if not track.exists() or not (folder / "calib.txt").exists():
+    needed = {"calib.txt": calibration, f"../../poses/{absolute.name}.txt": track}
+    missing = [name for name, path in needed.items() if not path.exists()]
+    sequence = _kitti_sequence(
+        "KITTI odometry",
+        paths,
+        read_kitti_times(stamps) if stamps.exists() else None,
+        load=partial(_load, format="bin"),
+        missing_poses=f"{' and '.join(missing)} missing; copy it from the data set",
+    )
+    if missing:
         return sequence
     # The benchmark has the poses of the left camera; Tr is camera_from_laser.
-    camera_from_laser = read_kitti_calibration(folder / "calib.txt")
+    camera_from_laser = read_kitti_calibration(calibration)
     laser_from_camera = camera_from_laser.inverse()
     poses = [laser_from_camera @ pose @ camera_from_laser for pose in read_kitti_poses(track)]
     rows = _rows_of(paths, len(poses))
     return _with_poses(sequence, poses if rows is None else [poses[row] for row in rows], track)
 
 
+def _kitti_sequence(
+    title: str,
+    paths: tuple[Path, ...],
+    times: Vector | None,
+    load: Loader | None = None,
+    *,
+    missing_poses: str,
+) -> ScanSequence:
+    """Return a sequence whose files are named by their rows in the drive."""
+    named = [int(path.stem) for path in paths] if _are_numbered(paths) else None
+    rows = None if times is None else _rows_of(paths, len(times))
+    return _sequence(
+        title,
+        paths,
+        load,
+        times=None if times is None or rows is None else times[np.array(rows, np.int64)],
+        numbers=rows if named is None else named,
+        missing_poses=missing_poses,
+    )
+
+
 def _rows_of(paths: tuple[Path, ...], count: int) -> Sequence[int] | None:
     """Return the row, of `count`, that belongs to each file; None where it is unknown."""
-    if all(path.stem.isdecimal() for path in paths):
+    if _are_numbered(paths):
         rows = [int(path.stem) for path in paths]
         if max(rows) < count:
             return rows
     return range(count) if count == len(paths) else None
 
 
-def _times_of(paths: tuple[Path, ...], times: Vector) -> Vector | None:
-    """Return the time of each file among the times of a drive; None where it is unknown."""
-    rows = _rows_of(paths, len(times))
-    return None if rows is None else times[np.array(rows, np.int64)]
+def _are_numbered(paths: tuple[Path, ...]) -> bool:
+    return all(path.stem.isdecimal() for path in paths)
 
 
 def _simulated(folder: Path, paths: tuple[Path, ...]) -> ScanSequence:
-    sequence = _sequence("scanlock simulate", paths)
     track = folder / "poses_tum.txt"
+    sequence = _sequence(
+        "scanlock simulate", paths, missing_poses="poses_tum.txt missing; name a file of poses"
+    )
     if not track.exists():
         return sequence
     times, poses = read_tum_poses(track)
@@ -264,37 +212,7 @@ def _with_poses(sequence: ScanSequence, poses: list[Pose], source: Path) -> Scan
             found=f"{len(poses)}",
             remedy="give one pose for each of these scans",
         )
-    return replace(sequence, poses=tuple(poses))
-
-
-def _scan_files(folder: Path) -> tuple[Path, ...]:
-    # Hidden files are incomplete scans, or metadata of other systems.
-    files = (path for path in folder.iterdir() if path.is_file() and path.name[0] != ".")
-    found = _sorted(path for path in files if format_of_name(path) is not None)
-    extensions = {path.suffix.lower() for path in found}
-    if len(extensions) > 1:
-        # Text files beside scans of another format are notes and poses.
-        extensions -= {".txt", ".csv", ".json"}
-    found = tuple(path for path in found if path.suffix.lower() in extensions)
-    if not found or len(extensions) > 1:
-        content = f"files of {', '.join(sorted(extensions))}" if found else "no scan files"
-        raise FormatError(
-            f"{folder}: expected {_LAYOUTS}, found {content}; give a folder with the scans of one "
-            "format only"
-        )
-    return found
-
-
-def _sorted(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Return paths in natural order: 2 before 10."""
-
-    def key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
-        parts = re.split(r"(\d+)", path.name)
-        natural = [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
-        # 1 and 01 are the same number; the name makes their order unique.
-        return natural, path.name
-
-    return tuple(sorted(paths, key=key))
+    return replace(sequence, poses=tuple(poses), missing_poses="")
 
 
 def _load(path: Path, format: str | None = None) -> Points:

@@ -8,7 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Counts, Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import (
+    Counts,
+    Labels,
+    Mask,
+    Matrix,
+    Points,
+    Vector,
+    frozen,
+    read_only,
+    short_repr,
+)
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_positive
 from scanlock.geometry.pose import Pose
@@ -44,6 +54,8 @@ class Gaussians:
     means: Points
     packed_covariances: Matrix
     counts: Counts
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         k = len(self.means)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from scanlock.arrays import Labels, Matrix, Points, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Points, frozen, read_only, short_repr
 from scanlock.clouds.voxel_grid import voxel_indices
 from scanlock.errors import InvalidInput
 from scanlock.kernels.gaussians.cells import cell_rows, cell_table
@@ -29,6 +29,8 @@ class SurfacePoints:
 
     points: Points
     covariances: Matrix
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         n = len(self.points)

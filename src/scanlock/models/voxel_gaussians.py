@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector, frozen
+from scanlock.arrays import Labels, Points, Vector, frozen, short_repr
 from scanlock.clouds.voxel_grid import voxel_moments
 from scanlock.errors import require_at_least, require_count, require_fraction, require_positive
 from scanlock.kernels.gaussians.cells import cell_table
@@ -33,6 +33,8 @@ class VoxelGaussians:
     cells: Labels
     corner: Vector
     size: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (self.cells, self.corner):

@@ -2,26 +2,25 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Vector
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import InvalidInput, ScanlockError
+from scanlock.errors import InvalidInput, ScanlockError, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import rotation_angle
 from scanlock.optimisation.solvers.solution import Iteration
 from scanlock.pipelines.starts import FromIdentity, StartPlan
+from scanlock.pipelines.study_scans import StudyScans
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.status import Status
-
-_Cached = TypeVar("_Cached", PointCloud, PreparedScan)
 
 FAILED = "failed"
 """Status of a record whose registration raised a `ScanlockError`."""
@@ -86,8 +85,8 @@ class StudyRecord:
     notes : tuple of str
         Notes of the result.
     seconds : float [s]
-        Wall time of preparing and registering both scans; NaN for a record that was read from a
-        file. It is ignored when records are compared.
+        Wall time of preparing and registering both scans, without compiling; NaN where it is
+        unknown. It is ignored when records are compared.
     """
 
     task: StudyTask
@@ -141,7 +140,12 @@ class Study:
     starts: StartPlan = field(default_factory=FromIdentity)
     """Initial poses of every pair."""
 
+    threads: int = 1
+    """Maximum number of threads of a registration; records do not depend on it, but their times
+    do."""
+
     def __post_init__(self) -> None:
+        require_count("threads", self.threads)
         for argument, names in (
             ("methods", [*self.methods]),
             ("pairs", [pair.name for pair in self.pairs]),
@@ -163,7 +167,8 @@ class Study:
     ) -> Iterator[StudyRecord]:
         """Register every task and yield its record, in the order of `tasks`.
 
-        Errors of a scan or a registration become records with the status `FAILED`.
+        Errors of a scan or a registration become records with the status `FAILED`. Each method
+        registers its first pair once more before, so that no time includes compiling.
 
         Parameters
         ----------
@@ -171,11 +176,11 @@ class Study:
             Records to yield instead of registering their tasks again.
         """
         known = known or {}
-        cache = _ScanCache(self)
+        registrations = _Registrations(self)
         for pair in self.pairs:
             for task in self._tasks_of(pair):
-                yield known[task] if task in known else cache.record(pair, task)
-            cache.keep_only(pair.source)
+                yield known[task] if task in known else registrations.record(pair, task)
+            registrations.scans.keep_only(pair.source)
 
     def _tasks_of(self, pair: StudyPair) -> Iterator[StudyTask]:
         for method in self.methods:
@@ -183,47 +188,47 @@ class Study:
                 yield StudyTask(pair.name, method, start)
 
 
-class _ScanCache:
-    """Loaded and prepared scans of the current pair, or the errors that they raised."""
+class _Registrations:
+    """Registrations of a study, with the scans that they share."""
 
     def __init__(self, study: Study) -> None:
+        self.scans = StudyScans(study.methods, study.load, study.threads)
         self._study = study
-        self._clouds: dict[str, PointCloud | ScanlockError] = {}
-        self._prepared: dict[tuple[str, str], PreparedScan | ScanlockError] = {}
-
-    def keep_only(self, scan: str) -> None:
-        self._clouds = {name: cloud for name, cloud in self._clouds.items() if name == scan}
-        self._prepared = {key: data for key, data in self._prepared.items() if key[0] == scan}
+        self._warm: set[str] = set()
 
     def record(self, pair: StudyPair, task: StudyTask) -> StudyRecord:
+        self._warm_up(pair, task)
         try:
-            target, source = (self._scan(name, task) for name in (pair.target, pair.source))
+            target, source = (
+                self.scans.prepared(name, task.method) for name in (pair.target, pair.source)
+            )
             centre = source.cloud.origin
             start = self._study.starts.pose(task.start, pair.name, pair.truth, centre)
-            result = register(source=source, target=target, method=target.method, initial=start)
+            result = register(
+                source=source,
+                target=target,
+                method=target.method,
+                initial=start,
+                covariance=False,
+                threads=self._study.threads,
+            )
         except ScanlockError as error:
             return StudyRecord(task=task, status=FAILED, reason=str(error), start=None, pose=None)
         preparing = sum(sum(scan.timings.values()) for scan in (target, source))
         seconds = preparing + result.timings["total"]
         return _record_of(task, pair, start, result, centre, seconds)
 
-    def _scan(self, scan: str, task: StudyTask) -> PreparedScan:
-        key = (scan, task.method)
-        if key not in self._prepared:
-            try:
-                method = self._study.methods[task.method]
-                self._prepared[key] = prepare(self._cloud(scan), method=method)
-            except ScanlockError as error:
-                self._prepared[key] = error
-        return _value_or_raise(self._prepared[key])
-
-    def _cloud(self, scan: str) -> PointCloud:
-        if scan not in self._clouds:
-            try:
-                self._clouds[scan] = PointCloud.from_array(self._study.load(scan), f"scan {scan}")
-            except ScanlockError as error:
-                self._clouds[scan] = error
-        return _value_or_raise(self._clouds[scan])
+    def _warm_up(self, pair: StudyPair, task: StudyTask) -> None:
+        """Register the first pair of a method once more, so that its kernels are loaded."""
+        if task.method in self._warm:
+            return
+        self._warm.add(task.method)
+        # An error is raised again by the registration that counts.
+        with suppress(ScanlockError):
+            target, source = (self.scans.cloud(name) for name in (pair.target, pair.source))
+            method = self._study.methods[task.method]
+            start = self._study.starts.pose(task.start, pair.name, pair.truth, source.origin)
+            register(source=source, target=target, method=method, initial=start, covariance=False)
 
 
 def pose_errors(pose: Pose, truth: Pose, centre: Vector) -> tuple[float, float]:
@@ -239,12 +244,6 @@ def pose_errors(pose: Pose, truth: Pose, centre: Vector) -> tuple[float, float]:
     """
     metres = float(np.linalg.norm(pose.apply(centre) - truth.apply(centre)))
     return metres, rotation_angle(truth.rotation.T @ pose.rotation)
-
-
-def _value_or_raise(cached: _Cached | ScanlockError) -> _Cached:
-    if isinstance(cached, ScanlockError):
-        raise cached
-    return cached
 
 
 def _record_of(

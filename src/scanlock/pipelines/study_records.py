@@ -10,6 +10,8 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,9 @@ from scanlock import __version__
 from scanlock.geometry.pose import Pose
 from scanlock.io.errors import malformed
 from scanlock.pipelines.study import Study, StudyRecord, StudyTask
+
+TIMES = "times.jsonl"
+"""Name of the file of wall times, in the folder of the records."""
 
 _HEAD = b'{"key": "'
 """First bytes of every line."""
@@ -57,7 +62,7 @@ def record_keys(study: Study, scans: str) -> dict[StudyTask, str]:
 
 
 def stored_records(path: str | os.PathLike[str], study: Study, scans: str) -> Iterator[StudyRecord]:
-    """Run a study and yield its records in order, reusing the records that the file has.
+    """Run a study and yield its records in order, reusing the records and times on disk.
 
     Each new record is written and synchronised to disk before it is yielded.
 
@@ -76,10 +81,19 @@ def stored_records(path: str | os.PathLike[str], study: Study, scans: str) -> It
     path = Path(path)
     keys = record_keys(study, scans)
     stored = _read_and_truncate(path)
-    known = {task: stored[key] for task, key in keys.items() if key in stored}
-    with path.open("ab") as handle:
+    seconds = _read_times(path.with_name(TIMES))
+    known = {
+        task: replace(stored[key], seconds=seconds.get(key, math.nan))
+        for task, key in keys.items()
+        if key in stored
+    }
+    with path.open("ab") as handle, path.with_name(TIMES).open("ab") as times:
         for record in study.records(known):
             if record.task not in known:
+                # A time without a record does no harm, but a record without a time is a gap.
+                if math.isfinite(record.seconds):
+                    times.write(_time_line(keys[record.task], record))
+                    times.flush()
                 handle.write(_line(keys[record.task], record))
                 handle.flush()
                 os.fsync(handle.fileno())
@@ -181,6 +195,22 @@ def _record(content: Mapping[str, Any]) -> StudyRecord:
         notes=tuple(content["notes"]),
         **numbers,
     )
+
+
+def _time_line(key: str, record: StudyRecord) -> bytes:
+    content = {"key": key, "pair": record.task.pair, "method": record.task.method,
+               "start": record.task.start, "seconds": record.seconds}  # fmt: skip
+    return json.dumps(content).encode() + b"\n"
+
+
+def _read_times(path: Path) -> dict[str, float]:
+    """Return the wall times of a file by key; lines that were cut short are left out."""
+    found: dict[str, float] = {}
+    for line in path.read_bytes().splitlines() if path.exists() else ():
+        with suppress(ValueError, KeyError, TypeError):
+            content = json.loads(line)
+            found[content["key"]] = float(content["seconds"])
+    return found
 
 
 def _triple(numbers: Any) -> tuple[float, float, float]:

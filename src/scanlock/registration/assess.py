@@ -3,6 +3,8 @@
 The assessment itself is `scanlock.registration.verification.assessment.assess_pose`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,12 +58,13 @@ def assess(
         target=_stripped(target, method),
         method=method,
         initial=pose,
+        covariance=False,
         threads=threads,
     )
     return replace(result, method="given pose", hessian=None, history=())
 
 
-def _stripped(scan: Scan, method: "_GivenPose") -> Scan:
+def _stripped(scan: Scan, method: _GivenPose) -> Scan:
     """Return a prepared scan without the data of its method."""
     if not isinstance(scan, PreparedScan):
         return scan

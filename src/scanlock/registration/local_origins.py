@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from scanlock.arrays import Vector, frozen
+from scanlock.arrays import Vector, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 
@@ -29,6 +29,8 @@ class LocalOrigins:
     target_origin: Vector
     source_origin: Vector
     source_centroid: Vector
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (self.target_origin, self.source_origin, self.source_centroid):

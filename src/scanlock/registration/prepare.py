@@ -1,12 +1,15 @@
 """Prepare a scan once, for any number of registrations as target or source."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.point_cloud import HasPoints, PointCloud
+from scanlock.clouds.coordinates import HasPoints
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.interrupts import plain_interrupts
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
@@ -56,6 +59,10 @@ class PreparedScan:
     insufficient: str
     timings: dict[str, float]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        left_out = f", insufficient: {self.insufficient}" if self.insufficient else ""
+        return f"PreparedScan({self.method_name}, {len(self.cloud):,} points{left_out})"
 
 
 @plain_interrupts()

@@ -1,5 +1,7 @@
 """Registration of two scans: check, prepare, align, verify."""
 
+from __future__ import annotations
+
 import math
 import time
 from dataclasses import replace
@@ -8,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.point_cloud import HasPoints, PointCloud
+from scanlock.clouds.coordinates import HasPoints
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
@@ -20,6 +23,7 @@ from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
+from scanlock.registration.uncertainty.accuracy import PoseAccuracy
 from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
 from scanlock.registration.verification.assessment import Assessment, assess_pose
@@ -47,7 +51,7 @@ def register(
     dof: DegreesOfFreedom = "xyz+rpy",
     prior: PosePrior | None = None,
     fix_degenerate: bool = False,
-    covariance: CovarianceMethod | CovarianceEstimator | None = None,
+    covariance: bool | CovarianceMethod | CovarianceEstimator = True,
     verify: bool = True,
     threads: int = 1,
 ) -> RegistrationResult:
@@ -75,10 +79,11 @@ def register(
     fix_degenerate : bool
         Whether degenerate directions keep the value of the prior, or else of the initial pose;
         one of the two must be given. The status is still ``degenerate``.
-    covariance : str or CovarianceEstimator, optional
-        How to estimate ``result.covariance``: ``"sandwich"`` from the scatter between blocks of
-        the scene (a few milliseconds), ``"hessian"`` from the curvature at the minimum alone
-        (overconfident), ``"sampled"`` from twelve more registrations. None leaves it out.
+    covariance : bool or str or CovarianceEstimator
+        Whether and how to estimate ``result.covariance`` and ``result.accuracy``. True or
+        ``"sandwich"``: from the scatter between blocks of the scene, a few milliseconds;
+        ``"hessian"``: from the curvature at the minimum alone, overconfident; ``"sampled"``: from
+        twelve more registrations. False leaves both out.
     verify : bool
         Whether to verify the pose. Without verification the status is ``unverified``.
     threads : int
@@ -104,9 +109,7 @@ def register(
     if fix_degenerate and not verify:
         raise InvalidInput("fix_degenerate needs the verification: leave out verify=False")
     constraints = Constraints(dof=dof, prior=prior)
-    estimator = (
-        CovarianceEstimator(method=covariance) if isinstance(covariance, str) else covariance
-    )
+    estimator = _estimator(covariance)
     with using_threads(threads):
         call = _Call(name, chosen, source, target, start, constraints, verify)
         call.notes += notes
@@ -249,8 +252,18 @@ class _Call:
                 one.with_pose(caller(one.target_from_source)) for one in solution.candidates
             ),
             covariance=covariance,
+            accuracy=None if covariance is None else self._accuracy(covariance, assessment),
             origins=self.origins,
         )
+
+    def _accuracy(self, covariance: PoseCovariance, assessment: Assessment | None) -> PoseAccuracy:
+        """Return the accuracy at the centroid of the overlap, or of the source if it is unknown."""
+        centroid = None if assessment is None else assessment.overlap_centroid
+        point = self.origins.source_centroid
+        if centroid is not None:
+            in_target = centroid + self.origins.target_origin
+            point = covariance.pose.inverse().apply(in_target)
+        return PoseAccuracy.of(covariance, point, "map" if self.origins.is_on_map else "sensor")
 
     def failed(self, reason: str, seconds: float) -> RegistrationResult:
         """Return the result for scans that cannot be registered."""
@@ -263,6 +276,26 @@ class _Call:
             notes=tuple(self.notes),
             origins=self.origins,
         )
+
+
+def _estimator(
+    covariance: bool | CovarianceMethod | CovarianceEstimator | None,
+) -> CovarianceEstimator | None:
+    """Return the settings of the covariance; None without one."""
+    match covariance:
+        case CovarianceEstimator():
+            return covariance
+        case True:
+            return CovarianceEstimator()
+        case False | None:
+            return None
+        case str():
+            return CovarianceEstimator(method=covariance)
+        case _:
+            raise InvalidInput(
+                "covariance must be True, False, the name of a method or a CovarianceEstimator, "
+                f"got {covariance!r}"
+            )
 
 
 def _method(

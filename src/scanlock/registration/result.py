@@ -11,16 +11,21 @@ import numpy as np
 
 from scanlock.arrays import Matrix, frozen
 from scanlock.geometry.pose import Pose
-from scanlock.geometry.rotations import rotation_angle
 from scanlock.optimisation.solvers.solution import Iteration
 from scanlock.registration.display import (
     Rows,
+    accuracy_text,
     direction_rows,
     html_table,
+    matrix_lines,
     metric_rows,
+    motion_rows,
+    overlap_rows,
     text_table,
+    triple,
 )
 from scanlock.registration.local_origins import LocalOrigins
+from scanlock.registration.uncertainty.accuracy import PoseAccuracy
 from scanlock.registration.uncertainty.pose_covariance import PoseCovariance
 from scanlock.registration.verification.candidate import Candidate
 from scanlock.registration.verification.metrics import Metrics
@@ -65,7 +70,9 @@ class RegistrationResult:
     candidates : tuple of Candidate
         The finished poses of a method that searches, best first; empty for other methods.
     covariance : PoseCovariance or None
-        Covariance of the pose; None if it was not asked for, or if a note says why there is none.
+        Covariance of the pose; None without ``covariance=``, or if a note says why there is none.
+    accuracy : PoseAccuracy or None
+        Standard deviations of the pose at the centroid of the overlap; None without a covariance.
     origins : LocalOrigins
         Origins of the local frames in the caller's coordinates; see `local_target_from_source`.
     """
@@ -84,6 +91,7 @@ class RegistrationResult:
     notes: tuple[str, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     covariance: PoseCovariance | None = None
+    accuracy: PoseAccuracy | None = None
     origins: LocalOrigins = field(default_factory=LocalOrigins.of_sensors)
 
     def __post_init__(self) -> None:
@@ -175,6 +183,7 @@ class RegistrationResult:
             "timings_s": dict(self.timings),
             "notes": list(self.notes),
             "covariance": None if self.covariance is None else self.covariance.as_dict(),
+            "accuracy": None if self.accuracy is None else self.accuracy.as_dict(),
             "candidates": [
                 {
                     "target_from_source": one.target_from_source.matrix.tolist(),
@@ -192,14 +201,50 @@ class RegistrationResult:
         """Return `as_dict` as JSON; numbers keep every digit."""
         return json.dumps(self.as_dict(), indent=2, allow_nan=False)
 
+    def details(self) -> str:
+        """Return the printed form with every metric, the deviations of each axis, and the times."""
+        return text_table([*self.summary_rows(), *self.detail_rows()])
+
+    def summary_rows(self) -> Rows:
+        """Return names and values of what a caller needs first: status, accuracy and pose."""
+        found = self.status is not Status.NO_CORRESPONDENCES
+        rows = [("status", self.status.value if self.ok else f"{self.status.value}: {self.reason}")]
+        if found:
+            rows.append(("accuracy", accuracy_text(self.probability, self.accuracy)))
+            rows += motion_rows(self.target_from_source, self.origins)
+            rows += overlap_rows(self.metrics)
+        rows += direction_rows(self.degenerate_directions)
+        if found:
+            rows.append(("pose", "\n".join(self.matrix_lines())))
+        return rows
+
+    def detail_rows(self) -> Rows:
+        """Return names and values of all that explains a result."""
+        rows = [
+            ("method", f"{self.method}, {self.evaluations} evaluations"),
+            ("reason", self.reason),
+        ]
+        if self.accuracy is not None:
+            at = triple(self.accuracy.point, 1)
+            rows.append(("deviations", f"{self.accuracy.details()}, at {at} m"))
+        rows += metric_rows(self.metrics)
+        if self.candidates:
+            best = self.candidates[0].proposed_by
+            rows.append(("candidates", f"{len(self.candidates)}, the best by {best}"))
+        return rows
+
+    def matrix_lines(self) -> list[str]:
+        """Return the four rows of `transformation` as text; every digit for map coordinates."""
+        origins = self.origins
+        on_map = origins.is_on_map or bool(origins.target_origin.any())
+        return matrix_lines(self.target_from_source, on_map=on_map)
+
     def __repr__(self) -> str:
-        metres, degrees = self._motion()
+        sigma = "" if self.accuracy is None else f", accuracy={self.accuracy}"
         return (
-            f"RegistrationResult(status={self.status.value}, method={self.method}, "
-            f"moved={metres:.3f} m {degrees:.2f} deg, "
-            f"probability={self.probability:.3f}, overlap={self.overlap:.2f}, "
-            f"score={self.score:.2f}, evaluations={self.evaluations}, "
-            f"total={1e3 * self.timings.get('total', math.nan):.1f} ms)"
+            f"RegistrationResult({self.status.value}, {self.method}, "
+            f"probability={self.probability:.3f}{sigma}, "
+            f"target_from_source={self.target_from_source})"
         )
 
     def __str__(self) -> str:
@@ -208,24 +253,10 @@ class RegistrationResult:
     def _repr_html_(self) -> str:
         return html_table(self._rows())
 
-    def _motion(self) -> tuple[float, float]:
-        """Return the shift of the reference point [m] and the rotation angle [deg]."""
-        shift = self.origins.shift(self.target_from_source, self.origins.reference_point)
-        return math.hypot(*shift), math.degrees(rotation_angle(self.target_from_source.rotation))
-
     def _rows(self) -> Rows:
-        metres, degrees = self._motion()
-        at = " at the centroid" if self.origins.is_on_map else ""
-        return [
-            ("status", f"{self.status.value}: {self.reason}"),
-            ("probability", f"{self.probability:.3f} that the pose is right"),
-            ("method", f"{self.method}, {self.evaluations} evaluations"),
-            ("moved", f"{metres:.3f} m{at}, {degrees:.3f} deg"),
-            *metric_rows(self.metrics),
-            *direction_rows(self.degenerate_directions),
-            ("time", f"{1e3 * self.timings.get('total', math.nan):.1f} ms"),
-            *(("note", note) for note in self.notes),
-        ]
+        on_scans = ("source: ", "target: ")
+        notes = [note for note in self.notes if not (self.ok and note.startswith(on_scans))]
+        return [*self.summary_rows(), *(("note", note) for note in notes)]
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {one.name: getattr(self, one.name) for one in fields(self)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.errors import InvalidInput, MissingExtra
+from scanlock.errors import InvalidInput, missing_extra
 from scanlock.io import atomic_file
 
 if TYPE_CHECKING:
@@ -67,9 +67,7 @@ def require_figures() -> None:
     try:
         import matplotlib  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError as error:
-        raise MissingExtra(
-            'figures need Matplotlib; install it with: pip install "scanlock[figures]"'
-        ) from error
+        raise missing_extra("figures need Matplotlib", "figures") from error
 
 
 def blank_figure(width: float, height: float) -> "Figure":

@@ -30,7 +30,7 @@ _MARGIN = 1.06
 
 
 def drive_figure(
-    points: Points, path: Points, *, untrusted: Sequence[int] = (), title: str = ""
+    points: Points, path: Points, *, unverified: Sequence[int] = (), title: str = ""
 ) -> "Figure":
     """Return a figure of a map from above: the highest point of each pixel, coloured by height.
 
@@ -40,11 +40,11 @@ def drive_figure(
         Points of the map.
     path : (k, 3) [m]
         Positions of the sensor in the frame of the map.
-    untrusted : sequence of int
+    unverified : sequence of int
         Rows of `path` whose motion from the previous row has no status ok; these sections are
         drawn in red.
     title : str
-        Title, in red if a motion is not trusted.
+        Title, in red if a motion is not verified.
 
     Raises
     ------
@@ -65,13 +65,13 @@ def drive_figure(
     _shade(figure, axes, heights, centre, half)
     axes.plot(path[:, 0], path[:, 1], color="white", linewidth=3.0)
     axes.plot(path[:, 0], path[:, 1], color=INK, linewidth=1.4)
-    for row in untrusted:
+    for row in unverified:
         section = path[max(row - 1, 0) : row + 1]
         axes.plot(section[:, 0], section[:, 1], color=ALARM, linewidth=2.4, marker="o", ms=4)
     axes.plot(*path[0, :2], color=INK, marker="o", ms=5, mec="white")
     set_map_view(axes, centre, half, ("x [m]", "y [m]"))
     if title:
-        axes.set_title(title, fontsize=11, color=ALARM if len(untrusted) else INK)
+        axes.set_title(title, fontsize=11, color=ALARM if len(unverified) else INK)
     return figure
 
 

@@ -1,13 +1,17 @@
 """Figure of two scans before and after registration, from above and as a close-up."""
 
+from __future__ import annotations
+
 import math
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Points
+from scanlock.clouds.coordinates import HasPoints
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.rotations import rotation_angle
 from scanlock.registration.local_origins import LocalOrigins
 from scanlock.registration.result import RegistrationResult
 from scanlock.report.canvas import (
@@ -37,24 +41,24 @@ _MIDDLE = 94.0
 
 
 def registration_figure(
-    target: ArrayLike | PointCloud,
-    source: ArrayLike | PointCloud,
     result: RegistrationResult,
     *,
+    source: ArrayLike | HasPoints | PointCloud,
+    target: ArrayLike | HasPoints | PointCloud,
     initial: Pose | None = None,
     truth: Pose | None = None,
     close_up: bool = True,
-) -> "Figure":
+) -> Figure:
     """Return a figure of two scans from above, before and after registration.
 
     Ground points are omitted, because their rings cover the other points.
 
     Parameters
     ----------
-    target, source : (n, 3+) array or PointCloud [m]
-        Registered scans.
     result : RegistrationResult
         Result of the registration.
+    source, target : (n, 3+) array, object with points, or PointCloud [m]
+        Registered scans.
     initial : Pose, optional
         Initial pose of the source; the identity by default.
     truth : Pose, optional
@@ -62,6 +66,11 @@ def registration_figure(
     close_up : bool
         Whether to add a row of close-ups. Without it the view is limited to the middle of the
         scans.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A notebook shows it; ``figure.savefig("pair.png")`` saves it.
 
     Raises
     ------
@@ -109,7 +118,9 @@ def _obstacles(cloud: PointCloud) -> Points:
 
 
 def _title(result: RegistrationResult, truth: Pose | None) -> str:
-    moved, turned = result.target_from_source.distance(Pose.identity())
+    pose, origins = result.target_from_source, result.origins
+    moved = math.hypot(*origins.shift(pose, origins.reference_point))
+    turned = rotation_angle(pose.rotation)
     facts = [f"moved {moved:.2f} m", f"turned {math.degrees(turned):.2f}°"]
     if not math.isnan(result.overlap):
         facts.append(f"overlap {100 * result.overlap:.0f} %")

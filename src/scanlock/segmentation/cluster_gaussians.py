@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from scanlock.arrays import Points, frozen
+from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
 from scanlock.errors import require_at_least, require_positive
@@ -37,6 +37,8 @@ class ClusterGaussians:
     obstacles: Points
     gaussians: tuple[Gaussians, ...]
     notes: tuple[str, ...]
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.obstacles)

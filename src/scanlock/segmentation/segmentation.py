@@ -1,5 +1,7 @@
 """Segmentation of one scan into ground and clusters, by row of the input array."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -8,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from scanlock.arrays import Labels, Mask, Points, Vector, frozen, read_only
-from scanlock.clouds.point_cloud import HasPoints, PointCloud
+from scanlock.clouds.coordinates import HasPoints
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.interrupts import plain_interrupts
 from scanlock.kernels.points.rows import selected_points
@@ -77,6 +80,13 @@ class Segmentation:
         full = np.full(self.cloud.input_count, np.nan)
         full[self.cloud.rows] = self.ground.height
         return full
+
+    def __repr__(self) -> str:
+        share = float(np.mean(self.is_ground))
+        return (
+            f"Segmentation({len(self.labels):,} points, ground {self.ground.status.value} "
+            f"({share:.0%}), {self.cluster_count} clusters)"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Points, Vector, frozen
+from scanlock.arrays import Labels, Points, Vector, frozen, short_repr
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.motion import carried, screw
@@ -45,6 +45,8 @@ class SimulatedScan:
     twist: Vector
     time: float
     period: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (

@@ -7,6 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from scanlock.arrays import short_repr
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.drive import Drive
@@ -119,6 +120,8 @@ class SimulatedPair:
     target: SimulatedScan
     source: SimulatedScan
     target_from_source: Pose
+
+    __repr__ = short_repr
 
 
 def scan_pair(

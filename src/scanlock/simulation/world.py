@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only, short_repr
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.kernels.simulation.ray_casting import NOTHING, cast_at_movers, cast_rays
 from scanlock.kernels.simulation.ray_ground import cast_at_ground
@@ -90,6 +90,8 @@ class World:
     _node_bounds: Matrix
     _node_link: Labels
     _node_count: Labels
+
+    __repr__ = short_repr
 
     @classmethod
     def of(

@@ -39,12 +39,12 @@ print([m for m in {heavy} if m in sys.modules])
 def test_no_arguments_print_help(scanlock):
     done = scanlock()
     assert (done.code, done.err) == (0, "")
-    assert all(f"  {name}: " in done.out for name in COMMANDS)
+    assert all(f"\n  {name} " in done.out for name in COMMANDS)
 
 
 def test_help_lists_the_commands_in_their_order(scanlock):
     out = scanlock("--help").out
-    positions = [out.index(f"  {name}: ") for name in COMMANDS]
+    positions = [out.index(f"\n  {name} ") for name in COMMANDS]
     assert positions == sorted(positions)
 
 
@@ -53,6 +53,12 @@ def test_every_line_of_help_fits_80_columns(scanlock, command):
     done = scanlock(command, "--help")
     assert done.code == 0
     assert max(map(len, done.out.splitlines())) <= 80
+
+
+def test_an_unknown_command_lists_some_commands(scanlock):
+    done = scanlock("nothing")
+    assert done.code == 1
+    assert ", ...; see `scanlock --help`" in done.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -101,7 +107,7 @@ def test_choices_equal_the_available_names():
     from scanlock.simulation import SCENES, SENSORS
 
     assert get_args(choices.DofName) == get_args(DegreesOfFreedom)
-    assert get_args(choices.CovarianceName) == get_args(CovarianceMethod)
+    assert get_args(choices.CovarianceName) == (*get_args(CovarianceMethod), "none")
     assert get_args(choices.FormatName) == tuple(FORMATS)
     assert get_args(choices.SceneName) == tuple(SCENES)
     assert [name.replace("-", "_") for name in get_args(choices.SensorName)] == list(SENSORS)

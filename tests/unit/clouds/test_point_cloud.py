@@ -158,14 +158,17 @@ def test_many_large_but_valid_coordinates_are_kept():
         (np.zeros((5, 3), dtype=bool), "scan must hold real numbers, got dtype bool"),
         ([["a", "b", "c"]], "scan must hold real numbers, got dtype <U1"),
         ([[1.0, 2.0, 3.0], [4.0]], r"scan must be an \(n, 3\) array"),
-        (None, r"scan must be an \(n, 3\) array, got None; scanlock.io.read_scan reads files"),
-        ("a.ply", r"got 'a.ply'; scanlock.io.read_scan"),
-        (Path("a.ply"), r"scanlock.io.read_scan"),
+        (None, r"scan must be an \(n, 3\) array, got None; scanlock.read_scan reads files"),
+        ("a.ply", r"got 'a.ply'; scanlock.read_scan"),
+        (Path("a.ply"), r"scanlock.read_scan"),
         (
             np.zeros((3, 64)),
             r"scan must have one point in each row, got shape \(3, 64\); .* scan.T",
         ),
-        (np.zeros(5, [("x", float), ("y", float)]), r"got the fields x, y; .*np.column_stack"),
+        (
+            np.zeros(5, [("x", float), ("y", float)]),
+            r"must have columns x, y and z, got x, y; .*np.column_stack",
+        ),
     ],
 )
 def test_invalid_clouds_are_rejected_by_name(array, message):
@@ -282,9 +285,9 @@ def test_an_object_with_points_is_accepted(points):
     ("given", "message"),
     [
         (_OtherCloud(np.zeros((5, 2))), r"scan.points must have shape \(n, 3\) or wider, got"),
-        (_OtherCloud(object()), r"scan.points must be an \(n, 3\) array .* got object; convert"),
-        (_OtherCloud(None), "scan must be an .* attribute points, got _OtherCloud; convert it"),
-        (object(), r"scan must be an \(n, 3\) array or have one as its attribute points, got obj"),
+        (_OtherCloud(object()), r"scan.points must be an \(n, 3\) array, .* got object; convert"),
+        (_OtherCloud(None), "scan must be an .* object with points, got _OtherCloud; convert it"),
+        (object(), r"scan must be an \(n, 3\) array, .* object with points, got object"),
     ],
 )
 def test_an_object_without_valid_points_is_rejected_by_name(given, message):

@@ -6,9 +6,9 @@ import pytest
 from reference.kitti_metric import segment_errors
 from reference.samples import yaw_pose
 from scanlock.errors import InvalidInput
+from scanlock.evaluation.alignment import aligned
 from scanlock.evaluation.trajectory_errors import (
     absolute_errors,
-    aligned,
     kitti_errors,
     path_lengths,
     relative_errors,
@@ -154,5 +154,16 @@ def test_trajectories_of_unequal_length_are_refused():
         absolute_errors(_bend(3), _bend(2))
     with pytest.raises(InvalidInput, match="got 0 and 0"):
         kitti_errors([], [])
-    with pytest.raises(InvalidInput, match="step must be below the number of poses, 3, got 3"):
+    with pytest.raises(InvalidInput, match=r"delta \[scans\] must be below .*, 2, got 3"):
         relative_errors(_bend(3), _bend(3), 3)
+
+
+def test_motions_of_a_fixed_time_need_times_and_follow_them():
+    truth = _bend(5)
+    times = np.array([0.0, 1.0, 1.5, 2.0, 9.0])
+    found = relative_errors(truth, truth, 1.0, "s", times=times)
+    assert list(zip(found.first, found.last, strict=True)) == [(0, 1), (1, 3), (3, 4)]
+    with pytest.raises(InvalidInput, match="times must be given for a delta in seconds"):
+        relative_errors(truth, truth, 1.0, "s")
+    with pytest.raises(InvalidInput, match="times must ascend"):
+        relative_errors(truth, truth, 1.0, "s", times=times[::-1])

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from scanlock.errors import InvalidInput
 from scanlock.evaluation.crispness import crispness
@@ -48,3 +50,31 @@ def test_points_beyond_the_grid_and_invalid_sizes_are_refused():
         VoxelMap(0.1).add(np.array([[2e5, 0.0, 0.0]]))
     with pytest.raises(InvalidInput, match="voxel_size must be positive"):
         VoxelMap(0.0)
+
+
+@given(
+    st.lists(
+        st.lists(
+            st.tuples(st.integers(0, 3), st.one_of(st.just(np.nan), st.integers(0, 255))),
+            min_size=1, max_size=8,
+        ),
+        min_size=1, max_size=5,
+    )
+)  # fmt: skip
+def test_a_voxel_has_the_mean_of_a_field_and_the_value_of_its_first_point(scans):
+    voxels, values, numbers = VoxelMap(1.0), {}, {}
+    for number, scan in enumerate(scans):
+        points = np.array([[place + 0.5, 0.5, 0.5] for place, _ in scan])
+        field = np.array([value for _, value in scan], np.float32)
+        first = {"scan": np.full(len(scan), number, np.int32)}
+        voxels.add(points, first=first, means={"intensity": field})
+        for place, value in scan:
+            values.setdefault(place, []).append(value)
+            numbers.setdefault(place, number)
+    places = sorted(values)
+    expected = [[one for one in values[place] if not np.isnan(one)] for place in places]
+    means = [np.mean(known) if known else np.nan for known in expected]
+    assert voxels.points[:, 0].tolist() == [place + 0.5 for place in places]
+    assert voxels.fields["scan"].dtype == np.int32
+    assert voxels.fields["scan"].tolist() == [numbers[place] for place in places]
+    np.testing.assert_allclose(voxels.fields["intensity"], means, rtol=1e-12)

@@ -80,3 +80,13 @@ def test_claims_are_undecided_without_the_method_or_the_truth(outcome_of, series
 def test_crispness_claims_are_undecided_without_the_maps():
     assert claims.crisper("", {"a": 1}, ["a"], ["b"]).holds is None
     assert claims.equally_crisp("", {"a": 1}, ["a", "b"], 0.1).holds is None
+
+
+def test_claims_on_few_pairs_are_undecided(outcome_of):
+    outcome = outcome_of({"a": [GOOD] * 3, "b": [BAD] * 3})
+    found = [claims.accurate("all", outcome, ["a"]), claims.accurate("none", outcome, ["b"])]
+    assert [claim.holds for claim in claims.judged(found, claims.MIN_PAIRS)] == [True, False]
+    few = claims.judged(found, claims.MIN_PAIRS - 1, "places")
+    assert [claim.statement for claim in few] == ["all", "none"]
+    assert {claim.holds for claim in few} == {None}
+    assert few[0].reason == "too few places to judge: 9, at least 10 needed"

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from reference.studies import METHOD, contender
+from scanlock.experiments import claims
 from scanlock.experiments.experiment import Findings, Progress, Section
 from scanlock.experiments.page import file_name
 from scanlock.experiments.paper_methods import D2D, G_ICP, P2D
 from scanlock.experiments.reproduce import EXPERIMENTS, reproduce
 from scanlock.io import read_kitti_poses, read_scan, read_tum_poses
 from scanlock.pipelines import study as study_module
+from scanlock.pipelines.study_records import TIMES
 from scanlock.registration.settings.file import read_settings
 
 pytestmark = pytest.mark.slow
@@ -28,6 +30,14 @@ def experiment(request):
     return replace(EXPERIMENTS[request.param], contenders=contenders)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def any_number_of_pairs():
+    """Claims on three pairs."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(claims, "MIN_PAIRS", 3)
+        yield
+
+
 @pytest.fixture(scope="module")
 def done(experiment, series, tmp_path_factory):
     folder = tmp_path_factory.mktemp("here") / "out"
@@ -35,10 +45,11 @@ def done(experiment, series, tmp_path_factory):
 
 
 def _files(folder):
+    """Content of every file but that of the wall times."""
     return {
         str(path.relative_to(folder)): path.read_bytes()
         for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        if path.is_file() and path.name != TIMES
     }
 
 
@@ -107,7 +118,7 @@ def test_an_interrupted_run_continues(experiment, series, done, tmp_path, monkey
 
     def register(**keywords):
         calls.append(None)
-        if len(calls) == 5:
+        if len(calls) == len(NAMES) + 5:
             raise KeyboardInterrupt
         return real(**keywords)
 
@@ -116,8 +127,9 @@ def test_an_interrupted_run_continues(experiment, series, done, tmp_path, monkey
         reproduce(experiment, series, tmp_path)
     assert len((tmp_path / "records.jsonl").read_text().splitlines()) == 4
     reproduce(experiment, series, tmp_path)
-    # The fifth registration started twice, the others once.
-    assert len(calls) == len(NAMES) * len(series.pairs()) + 1
+    # The fifth registration started twice, the others once, and each method loaded its kernels in
+    # both runs.
+    assert len(calls) == len(NAMES) * len(series.pairs()) + 1 + 2 * len(NAMES)
     assert _files(tmp_path) == _files(done.page.parent)
 
 
@@ -148,6 +160,7 @@ def test_an_experiment_may_choose_its_pairs(experiment, series, tmp_path):
         "index.md",
         "records.jsonl",
         "settings",
+        "times.jsonl",
     ]
 
 

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from scanlock.errors import FormatError
-from scanlock.io import describe_scan, write_scan
-from scanlock.io.scan_guesses import guess_sensor, guess_settings, guess_time
-from scanlock.registration.registry import METHODS
+from scanlock.io import CoordinateSystem, ScanFile, describe_scan, write_scan
+from scanlock.io.scan_guesses import guess_sensor, guess_time
 
 
 def _describe(tmp_path, points, fields=None, **options):
@@ -51,8 +50,8 @@ def test_guesses_are_a_separate_object_in_json(tmp_path, room_scan):
     found = _describe(tmp_path, room_scan(), fields).as_dict()
     again = json.loads(json.dumps(found, allow_nan=False))
     assert again == found
-    assert set(again["guesses"]) == {"sensor", "time", "settings"}
-    assert not {"sensor", "voxel_size", "method", "unit"} & set(again)
+    assert set(again["guesses"]) == {"sensor", "time"}
+    assert not {"sensor", "unit"} & set(again)
     assert again["guesses"]["time"]["unit"] == "s"
     assert again["fields"][1] == {
         "name": "n",
@@ -68,6 +67,8 @@ def test_map_coordinates_are_detected_and_given_an_origin(tmp_path, room_scan):
     near, far = room_scan(), room_scan() + origin
     found = _describe(tmp_path, far)
     assert found.large_coordinates
+    assert math.isnan(found.median_range)
+    assert found.as_dict()["max_range"] is None
     assert np.abs(np.array(found.origin) - origin).max() < 20
     assert found.spacing == pytest.approx(_describe(tmp_path, near).spacing, rel=1e-4)
     write_scan(tmp_path / "b.pcd", far.astype(np.float32))
@@ -105,9 +106,6 @@ def test_beams_are_counted_in_any_order_of_points(room_scan, beams, order):
     if order == "shuffled":
         points = np.random.default_rng(0).permutation(points)
     assert guess_sensor(points, None, 1) == f"spinning lidar, about {beams} beams"
-    settings = guess_settings(points)
-    assert settings.method in METHODS
-    assert 20 <= settings.max_range <= 30
 
 
 def test_ring_numbers_and_rows_give_the_number_of_beams(room_scan):
@@ -169,9 +167,83 @@ def test_the_column_of_times_is_found_by_its_name(tmp_path, room_scan):
     assert _describe(tmp_path, room_scan(), {"a_us": values}).time_field is None
 
 
-@pytest.mark.parametrize("size", [0.01, 0.1, 1.0, 100.0])
-def test_the_guessed_voxel_size_follows_the_density_of_the_points(size):
-    grid = np.stack(np.meshgrid(*[np.arange(24.0)] * 2), -1).reshape(-1, 2) + 0.5
-    points = np.column_stack([grid * size, np.full(576, 0.5 * size)])
-    # In a plane, a voxel of three spacings holds nine points, one of two spacings four.
-    assert guess_settings(points).voxel_size == pytest.approx(3 * size)
+@pytest.mark.parametrize("factor", [1000.0, 100_000.0])
+def test_millimetres_are_asked_for(tmp_path, room_scan, factor):
+    points = room_scan()
+    assert _describe(tmp_path, points).questions == ()
+    [question] = _describe(tmp_path, factor * points).questions
+    assert question.startswith("are these millimetres? ")
+    assert "--scale 0.001" in question
+    assert describe_scan(tmp_path / "a.pcd", scale=1 / factor).questions == ()
+
+
+def test_smaller_units_of_a_small_object_are_asked_for(tmp_path):
+    ball = np.random.default_rng(0).normal(size=(5000, 3))
+    ball *= 300.0 / np.linalg.norm(ball, axis=1, keepdims=True)
+    [question] = _describe(tmp_path, ball).questions
+    assert question.startswith("are these centimetres or millimetres? ")
+
+
+def test_terrain_is_not_taken_for_millimetres(tmp_path):
+    rng = np.random.default_rng(0)
+    terrain = rng.random((20_000, 3)) * [1500.0, 1500.0, 120.0]
+    assert _describe(tmp_path, terrain + np.array([4e5, 5e6, 0.0])).questions == ()
+
+
+def test_a_scan_that_is_too_small_is_asked_about(tmp_path, room_scan):
+    [question] = _describe(tmp_path, 1e-4 * room_scan()).questions
+    assert question.startswith("which unit is this? ")
+
+
+_PROJECTED = 'PROJCS["site"{}]'
+_DEGREES = 'GEOGCS["WGS 84",UNIT["degree",0.0174532925199433],AUTHORITY["EPSG","4326"]]'
+
+
+def _with_system(path, points, wkt):
+    scan = ScanFile(points=points, fields={}, format="las", crs=CoordinateSystem.from_wkt(wkt))
+    write_scan(path, scan)
+    return path
+
+
+def test_feet_are_asked_for_where_the_system_has_no_unit(tmp_path, room_scan):
+    pytest.importorskip("laspy")
+    path = _with_system(tmp_path / "a.las", room_scan(), _PROJECTED.format(""))
+    [question] = describe_scan(path).questions
+    assert question.startswith("are these feet? ")
+    assert describe_scan(path, scale=0.3048).questions == ()
+    path = _with_system(tmp_path / "b.las", room_scan(), _PROJECTED.format(',UNIT["foot",0.3048]'))
+    assert describe_scan(path).questions == ()
+
+
+def test_system_unit_and_header_of_las_are_described(tmp_path, room_scan):
+    pytest.importorskip("laspy")
+    path = _with_system(
+        tmp_path / "a.laz", room_scan(), _PROJECTED.format(',UNIT["ft",0.3048],ID["EPSG",2994]')
+    )
+    found = json.loads(json.dumps(describe_scan(path).as_dict(), allow_nan=False))
+    assert found["system"] == {
+        "name": "site",
+        "epsg": 2994,
+        "vertical_epsg": None,
+        "horizontal_unit": "foot",
+        "vertical_unit": "foot",
+        "is_geographic": False,
+    }
+    assert found["metres_per_unit"] == [0.3048] * 3
+    assert (found["las"]["version"], found["las"]["point_format"]) == ("1.4", 6)
+    assert found["las"]["scales"] == [1e-4] * 3
+    assert found["las"]["software"] == "scanlock"
+
+
+def test_degrees_have_no_lengths(tmp_path):
+    pytest.importorskip("laspy")
+    points = np.random.default_rng(0).random((800, 3)) * [0.01, 0.01, 30] + np.array(
+        [11.5, 48.1, 500.0]
+    )
+    found = describe_scan(_with_system(tmp_path / "a.las", points, _DEGREES))
+    assert found.system.is_geographic
+    assert math.isnan(found.spacing)
+    assert math.isnan(found.median_range)
+    assert found.questions == ()
+    assert found.guesses.sensor == "unknown"
+    assert "degrees" in found.notes[-1]

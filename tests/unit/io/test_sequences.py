@@ -7,7 +7,8 @@ from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
 from scanlock.io.datasets.ford import VEHICLE_FROM_LASER, read_ford_scan
-from scanlock.io.sequences import open_sequence, read_trajectory
+from scanlock.io.sequences import open_sequence
+from scanlock.io.trajectory_files import read_trajectory
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
 
@@ -47,6 +48,7 @@ def test_sequences_are_subsampled(tmp_path):
     for pose, row in zip(found.poses, (0, 3, 6), strict=True):
         assert pose.is_close(_POSES[row], translation=1e-12, rotation=1e-7)
     np.testing.assert_array_equal(found.times, [0.0, 3.0, 6.0])
+    np.testing.assert_array_equal(found.numbers, [0, 3, 6])
     assert len(found.subsampled(2)) == 2
     with pytest.raises(InvalidInput, match="every must be a whole number of at least 1"):
         open_sequence(tmp_path / "drive", every=0)
@@ -76,6 +78,24 @@ def test_kitti_odometry_has_the_poses_of_the_laser(tmp_path, monkeypatch):
     assert open_sequence(".").poses == found.poses
 
 
+@pytest.mark.parametrize(
+    ("gone", "message"),
+    [
+        (["calib.txt"], "calib.txt missing"),
+        (["../../poses/07.txt"], "../../poses/07.txt missing"),
+        (["calib.txt", "../../poses/07.txt"], "calib.txt and ../../poses/07.txt missing"),
+    ],
+)
+def test_missing_files_of_kitti_odometry_are_named(tmp_path, gone, message):
+    folder = _fill_odometry(tmp_path)
+    assert open_sequence(folder).missing_poses == ""
+    for name in gone:
+        (folder / name).unlink()
+    found = open_sequence(folder)
+    assert found.poses == ()
+    assert found.missing_poses.startswith(message)
+
+
 def test_missing_kitti_scans_leave_the_poses_and_times_of_the_others(tmp_path):
     folder = _fill_odometry(tmp_path)
     whole = open_sequence(folder)
@@ -86,6 +106,8 @@ def test_missing_kitti_scans_leave_the_poses_and_times_of_the_others(tmp_path):
     rows = [int(name) for name in found.names]
     assert found.poses == tuple(whole.poses[row] for row in rows)
     np.testing.assert_array_equal(found.times, whole.times[rows])
+    np.testing.assert_array_equal(found.numbers, rows)
+    np.testing.assert_array_equal(found.subsampled(3).numbers, [2, 6, 9])
 
 
 @pytest.mark.parametrize(
@@ -113,7 +135,10 @@ def test_kitti_raw_has_the_times_of_its_scans(tmp_path):
     stamps.write_text("2011-09-26 13:04:32.25\n2011-09-26 13:04:33.5\n2011-09-27 00:00:00\n\n")
     found = open_sequence(tmp_path / "drive")
     assert found.title == "KITTI raw"
-    np.testing.assert_allclose(found.times, [47072.25, 47073.5, 86400.0])
+    # UNIX times of the dates as if they were UTC, whatever the time zone of the machine.
+    noon = 1317038400.0
+    np.testing.assert_array_equal(found.times, noon + np.array([3872.25, 3873.5, 43200.0]))
+    assert "GPS/IMU track of a raw drive is off by decimetres" in found.missing_poses
     stamps.write_text("yesterday\n")
     with pytest.raises(FormatError, match=r"line 1: expected a date and a time, found 'yesterday'"):
         open_sequence(tmp_path / "drive")

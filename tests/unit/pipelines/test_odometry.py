@@ -54,6 +54,62 @@ def test_the_registration_after_a_failed_one_starts_from_the_identity():
     assert np.isfinite(steps[2].pose.matrix).all()
 
 
+def test_two_threads_give_the_same_poses_and_read_one_scan_ahead():
+    read = []
+
+    def feed():
+        for k, scan in enumerate(_scans()):
+            read.append(k)
+            yield scan
+
+    alone = list(odometry(_scans()))
+    steps = odometry(feed(), threads=2)
+    poses = [next(steps).pose]
+    assert len(read) <= 3
+    poses += [step.pose for step in steps]
+    assert poses == [step.pose for step in alone]
+
+
+def test_an_invalid_scan_that_was_read_ahead_ends_the_trajectory_before_it():
+    steps = odometry([street(1), street(2), np.full((5, 3), np.nan)], threads=2)
+    assert next(steps).ok
+    assert next(steps).ok
+    with pytest.raises(InvalidInput, match="scan 2 has no finite point"):
+        next(steps)
+
+
+@pytest.mark.parametrize("guess", ["identity", "velocity"])
+def test_a_trajectory_is_continued_with_its_last_pose_and_motion(guess):
+    whole = list(odometry(_scans(), guess=guess))
+    last = whole[2]
+    motion = last.registration.target_from_source if guess == "velocity" else None
+    rest = odometry(list(_scans())[2:], guess=guess, initial_pose=last.pose, initial_motion=motion)
+    assert [step.pose for step in rest] == [step.pose for step in whole[2:]]
+
+
+def test_scans_in_map_coordinates_start_at_their_places():
+    far = np.array([500_000.0, 5_400_000.0, 120.0])
+    steps = list(
+        odometry(
+            [pose.apply(scan) + far for pose, scan in zip(_POSES, _scans(), strict=True)],
+            method="sgc-ndt-d2d",
+        )
+    )
+    for step in steps[1:]:
+        assert step.ok
+        assert step.registration.history[0].pose == step.registration.origins.local(Pose.identity())
+        shift = step.pose.apply(step.cloud.centroid) - step.cloud.centroid
+        assert np.abs(shift).max() < 0.1
+
+
+def test_every_motion_has_its_covariance_and_time():
+    first, *steps = odometry(_scans(), covariance="sandwich", method="sgc-ndt-d2d")
+    assert first.seconds > 0.0
+    for step in steps:
+        assert 1e-4 < step.registration.covariance.deviations[0] < 0.1
+        assert step.seconds > step.registration.timings["total"]
+
+
 def test_unknown_guesses_and_invalid_scans_are_refused():
     with pytest.raises(InvalidInput, match="guess must be 'identity' or 'velocity', got 'imu'"):
         next(odometry(_scans(), guess="imu"))

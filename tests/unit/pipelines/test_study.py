@@ -1,4 +1,5 @@
 import math
+import time
 from dataclasses import replace
 from itertools import pairwise
 
@@ -68,6 +69,29 @@ def test_a_record_is_yielded_before_the_next_pair_is_loaded(scans):
     assert len(list(records)) == 1
     # The scan that both pairs share is loaded once.
     assert loaded == ["a", "b", "c"]
+
+
+def test_the_time_of_a_record_does_not_include_compiling(scans, monkeypatch):
+    real, calls = module.register, []
+
+    def register(**keywords):
+        calls.append(keywords["method"])
+        if calls.count(calls[-1]) == 1:
+            time.sleep(2.0)
+        return real(**keywords)
+
+    monkeypatch.setattr(module, "register", register)
+    study = _study(scans, methods={"d2d": METHOD, "p2d": METHODS["sgc-ndt-p2d"]})
+    records = list(study.records())
+    # The first registration of a method, here a slow one, is repeated.
+    assert len(calls) == len(records) + 2
+    assert all(0.0 < record.seconds < 1.0 for record in records)
+
+
+def test_threads_do_not_change_the_records(scans):
+    assert list(_study(scans, threads=2).records()) == list(_study(scans).records())
+    with pytest.raises(InvalidInput, match="threads must be a whole number"):
+        _study(scans, threads=0)
 
 
 def test_known_records_are_yielded_without_loading_a_scan(scans):

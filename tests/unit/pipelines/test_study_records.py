@@ -68,14 +68,31 @@ def test_lines_are_json_with_units_and_without_run_times(study, tmp_path):
     assert "scan c" in bad["reason"]
 
 
-def test_a_second_run_registers_nothing_and_keeps_the_file(study, tmp_path, counted):
+def test_a_second_run_registers_nothing_and_keeps_records_and_times(study, tmp_path, counted):
     path = tmp_path / "records.jsonl"
     first = list(stored_records(path, study, "here"))
     before = path.read_bytes()
-    assert counted == [1]
-    assert list(stored_records(path, study, "here")) == first
-    assert counted == [1]
+    # Once to load the kernels, and once for the record.
+    assert counted == [2]
+    again = list(stored_records(path, study, "here"))
+    assert again == first
+    assert [record.seconds for record in again][:1] == [record.seconds for record in first][:1]
+    assert counted == [2]
     assert path.read_bytes() == before
+
+
+def test_an_incomplete_or_missing_file_of_times_leaves_the_records(study, tmp_path):
+    path, times = tmp_path / "records.jsonl", tmp_path / "times.jsonl"
+    first = list(stored_records(path, study, "here"))
+    line = times.read_bytes()
+    assert json.loads(line)["seconds"] == first[0].seconds > 0.0
+    for rest in (line[:-9], b"null\n"):
+        times.write_bytes(rest)
+        again = list(stored_records(path, study, "here"))
+        assert again == first
+        assert math.isnan(again[0].seconds)
+    times.unlink()
+    assert list(stored_records(path, study, "here")) == first
 
 
 def test_a_resumed_run_writes_the_same_bytes(study, tmp_path, counted):
@@ -86,9 +103,9 @@ def test_a_resumed_run_writes_the_same_bytes(study, tmp_path, counted):
     # A yielded record is on disk before the file is closed.
     assert len(read_records(broken)) == 1
     records.close()
-    assert counted == [2]
+    assert counted == [4]
     list(stored_records(broken, study, "here"))
-    assert counted == [2]
+    assert counted == [4]
     assert broken.read_bytes() == whole.read_bytes()
 
 

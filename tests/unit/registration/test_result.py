@@ -85,9 +85,8 @@ def test_a_result_can_be_pickled():
 def test_the_repr_is_one_line_with_motion_and_status():
     text = repr(_result())
     assert "\n" not in text
-    for expected in ("status=ok", "a-method", "5.000 m 30.00 deg", "overlap=0.90", "500.0 ms"):
+    for expected in ("ok", "a-method", "0.750", "Pose([3, 4, 0] m, [0, 0, 30] deg)"):
         assert expected in text
-    assert "nan" in repr(_result(Status.NO_CORRESPONDENCES, overlap=math.nan))
 
 
 def test_properties_repeat_the_metrics():
@@ -106,13 +105,27 @@ def test_only_unconstrained_directions_are_degenerate():
 @pytest.mark.parametrize("shown", [str, lambda result: result._repr_html_()])
 def test_str_and_html_show_a_small_table(shown):
     text = shown(_result(Status.DEGENERATE, free_space_violation=math.nan))
-    for expected in ("degenerate: because", "0.750", "0.050 m", "forward", "a note", "90%"):
+    for expected in ("degenerate: because", "75.0%", "5.000 m", "30.000 deg", "a note", "90%"):
+        assert expected in text
+    assert "nan" not in text
+
+
+def test_details_add_every_known_metric():
+    text = _result(free_space_violation=math.nan).details()
+    for expected in ("because", "a-method", "0.050 m", "90%"):
         assert expected in text
     assert "free space" not in text
     assert "nan" not in text
 
 
+def test_a_result_without_correspondences_shows_no_pose():
+    text = str(_result(Status.NO_CORRESPONDENCES))
+    assert "no_correspondences: because" in text
+    assert "pose" not in text
+    assert "right with" not in text
+
+
 def test_the_notebook_table_escapes_html():
-    result = replace(_result(), reason="a < b & c")
+    result = replace(_result(Status.UNVERIFIED), reason="a < b & c")
     assert "a &lt; b &amp; c" in result._repr_html_()
     assert "a < b & c" in str(result)

@@ -39,7 +39,7 @@ def test_the_window_omits_far_points_and_includes_the_whole_path():
 
 
 def test_untrusted_motions_and_the_title_are_drawn_in_red():
-    axes = drive_figure(GROUND, PATH, untrusted=[3, 8], title="two not trusted").axes[0]
+    axes = drive_figure(GROUND, PATH, unverified=[3, 8], title="two not trusted").axes[0]
     red = [line.get_xydata() for line in axes.lines if to_hex(line.get_color()) == ALARM]
     np.testing.assert_array_equal(red, [PATH[2:4, :2], PATH[7:9, :2]])
     assert axes.title.get_color() == ALARM

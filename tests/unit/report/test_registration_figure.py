@@ -1,11 +1,12 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba_array
 
 from reference.samples import street, yaw_pose
-from scanlock import Pose, RegistrationResult, Status, segment
+from scanlock import LocalOrigins, PointCloud, Pose, RegistrationResult, Status, segment
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.report.canvas import ALARM, BLUE, INK, VERMILION, save_figure
 from scanlock.report.registration_figure import registration_figure
@@ -29,7 +30,7 @@ def _result(pose=MOTION, status=Status.OK, overlap=0.8):
 
 @pytest.fixture(scope="module")
 def scans():
-    return street(1), MOTION.inverse().apply(street(2))
+    return {"target": street(1), "source": MOTION.inverse().apply(street(2))}
 
 
 def _points_in(axes, colour):
@@ -45,22 +46,24 @@ def _obstacles(points, pose=None):
 
 @pytest.mark.parametrize("row", [0, 1])
 def test_the_source_is_drawn_before_and_after_over_the_target(scans, row):
-    figure = registration_figure(*scans, _result())
+    figure = registration_figure(_result(), **scans)
     before, after = figure.axes[2 * row : 2 * row + 2]
     for axes, pose in ((before, Pose.identity()), (after, MOTION)):
-        np.testing.assert_array_equal(_points_in(axes, BLUE), _obstacles(scans[0]))
-        np.testing.assert_allclose(_points_in(axes, VERMILION), _obstacles(scans[1], pose))
+        np.testing.assert_array_equal(_points_in(axes, BLUE), _obstacles(scans["target"]))
+        np.testing.assert_allclose(_points_in(axes, VERMILION), _obstacles(scans["source"], pose))
     assert before.get_xlim() == after.get_xlim()
 
 
 def test_the_view_before_shows_the_initial_pose(scans):
     start = yaw_pose(-0.3, (0.0, 4.0, 0.0))
-    figure = registration_figure(*scans, _result(), initial=start)
-    np.testing.assert_allclose(_points_in(figure.axes[0], VERMILION), _obstacles(scans[1], start))
+    figure = registration_figure(_result(), **scans, initial=start)
+    np.testing.assert_allclose(
+        _points_in(figure.axes[0], VERMILION), _obstacles(scans["source"], start)
+    )
 
 
 def test_the_close_up_shows_the_framed_region(scans):
-    figure = registration_figure(*scans, _result())
+    figure = registration_figure(_result(), **scans)
     [rectangle] = figure.axes[1].patches
     x, y = rectangle.get_xy()
     close = figure.axes[3]
@@ -79,7 +82,7 @@ def test_the_close_up_shows_the_framed_region(scans):
     ],
 )
 def test_the_title_has_the_status_and_the_error(scans, result, truth, parts, colour):
-    title = registration_figure(*scans, result, truth=truth)._suptitle
+    title = registration_figure(result, **scans, truth=truth)._suptitle
     assert all(part in title.get_text() for part in parts)
     assert title.get_color() == colour
 
@@ -88,7 +91,7 @@ def test_the_title_has_the_status_and_the_error(scans, result, truth, parts, col
 def test_a_failed_registration_gives_a_figure(tmp_path):
     flat = np.random.default_rng(0).uniform(-20.0, 20.0, (2000, 3)) * [1.0, 1.0, 0.0]
     result = _result(Pose.identity(), Status.NO_CORRESPONDENCES, math.nan)
-    figure = registration_figure(flat, flat, result)
+    figure = registration_figure(result, source=flat, target=flat)
     assert "overlap" not in figure._suptitle.get_text()
     save_figure(tmp_path / "pair.png", figure)
     assert (tmp_path / "pair.png").stat().st_size > 10_000
@@ -98,9 +101,14 @@ def test_map_coordinates_are_drawn_around_a_local_origin(scans):
     far = np.array([4e5, 5e6, 0.0])
     shift = Pose(np.eye(3), far)
     pose = shift @ MOTION @ shift.inverse()
-    figure = registration_figure(scans[0] + far, scans[1] + far, _result(pose))
+    result = replace(_result(pose), origins=LocalOrigins.of_clouds(
+        *(PointCloud.from_array(scans[name] + far) for name in ("target", "source"))
+    ))  # fmt: skip
+    moved = {name: points + far for name, points in scans.items()}
+    figure = registration_figure(result, **moved)
+    assert "moved 2." in figure._suptitle.get_text()
     assert np.abs(figure.axes[1].get_xlim()).max() < 100.0
-    near = registration_figure(*scans, _result())
+    near = registration_figure(_result(), **scans)
     assert np.diff(figure.axes[1].get_xlim()) == pytest.approx(
         np.diff(near.axes[1].get_xlim()), rel=1e-3
     )

@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
+from scanlock.cli.method_option import CHANGES, Changes
 from scanlock.cli.option_types import Flag, MethodName
+from scanlock.cli.run_options import Options, changed_options, digest, write_options
 from scanlock.cli.scan_input import Reading
 from scanlock.errors import InvalidInput, require_count
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from scanlock.experiments.comparison import ComparisonResult
-    from scanlock.experiments.pairwise import Tolerance
+    from scanlock.experiments.comparison import Comparison
     from scanlock.experiments.series import ScanSeries
     from scanlock.pipelines.starts import AroundTruth
     from scanlock.pipelines.study import StudyPair
@@ -71,14 +72,21 @@ class Starts:
 
     starts: Annotated[
         int | None,
-        Parameter(help="Initial poses per pair of errors; 1 by default with ground truth."),
+        Parameter(
+            help="Initial poses per pair of errors; by default 1 with ground truth or with "
+            "--distances or --angles, else 0."
+        ),
     ] = None
-    """Repeats of every cell; 1 by default with ground truth."""
+    """Repeats of every cell."""
 
-    distances: Annotated[_Numbers, Parameter(help="Errors of translation [m].")] = _DISTANCES
+    distances: Annotated[
+        _Numbers | None, Parameter(help="Errors of translation [m]; 0 1 2 4 8 by default.")
+    ] = None
     """Rows of the basin [m]."""
 
-    angles: Annotated[_Numbers, Parameter(help="Errors of rotation [deg].")] = _ANGLES
+    angles: Annotated[
+        _Numbers | None, Parameter(help="Errors of rotation [deg]; 0 10 20 40 by default.")
+    ] = None
     """Columns of the basin [deg]."""
 
     axis: Annotated[
@@ -89,19 +97,20 @@ class Starts:
     seed: Annotated[int, Parameter(help="Seed of the directions of the errors.")] = 0
     """Any whole number from 0."""
 
-    def plan(self, *, has_truth: bool) -> "AroundTruth | None":
+    def plan(self, *, has_truth: bool, agree: bool) -> "AroundTruth | None":
         """Return the starts, or None for none."""
         from scanlock.pipelines.starts import AroundTruth
 
-        repeats = self.starts if self.starts is not None else int(has_truth)
+        is_asked = self.distances is not None or self.angles is not None
+        repeats = self.starts if self.starts is not None else int(has_truth or (is_asked and agree))
         require_count("--starts", repeats, 0)
-        if repeats and not has_truth:
+        if repeats and not (has_truth or agree):
             raise InvalidInput("--starts needs true poses; give --poses, --truth or --agree")
         if not repeats:
             return None
         return AroundTruth(
-            distances=self.distances,
-            angles=tuple(math.radians(angle) for angle in self.angles),
+            distances=_DISTANCES if self.distances is None else self.distances,
+            angles=tuple(math.radians(angle) for angle in self.angles or _ANGLES),
             repeats=repeats,
             axis=self.axis,
             seed=self.seed,
@@ -112,10 +121,13 @@ def compare(
     *scans: Path,
     methods: Annotated[tuple[MethodName, ...] | None, _SEVERAL] = None,
     settings: Annotated[tuple[Path, ...], _SEVERAL, Parameter(show_default=False)] = (),
+    changes: Changes = (),
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("scanlock-compare"),
     every: int = 1,
     step: int = 1,
     pairs: int | None = None,
+    threads: int = 1,
+    overwrite: Flag = False,
     truth: Truth | None = None,
     starts: Starts | None = None,
     reading: Reading | None = None,
@@ -141,10 +153,14 @@ def compare(
         Number of scans between source and target.
     pairs : int
         Maximum number of pairs, evenly spread.
+    threads : int
+        Maximum number of threads of a registration; only times depend on it.
+    overwrite : bool
+        Replace the page of another comparison in the folder; its registrations are used again.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, print_title
-    from scanlock.cli.method_table import show_errors
+    from scanlock.cli.method_table import show_basins, show_errors
     from scanlock.cli.progress import progress
     from scanlock.experiments.comparison import Comparison, comparison_findings
     from scanlock.experiments.comparison import compare as compared_by
@@ -155,38 +171,74 @@ def compare(
     require_figures()
     for name, count in (("--every", every), ("--step", step), ("--pairs", pairs)):
         require_count(name, 1 if count is None else count)
+    require_count("--threads", threads)
     ground_truth, initial = truth or Truth(), starts or Starts()
-    tolerance = Tolerance(metres=ground_truth.metres, degrees=ground_truth.degrees)
     series = _series(scans, every, ground_truth, reading or Reading())
     chosen = _chosen(series, step, pairs, ground_truth)
-    has_truth = ground_truth.agree or any(pair.truth is not None for pair in chosen)
+    has_truth = any(pair.truth is not None for pair in chosen)
     comparison = Comparison(
-        methods=_methods(methods, settings),
+        methods=_methods(methods, settings, changes),
         pairs=chosen,
         load=series.load,
         key=series.key,
-        around=initial.plan(has_truth=has_truth),
+        around=initial.plan(has_truth=has_truth, agree=ground_truth.agree),
         use_consensus=ground_truth.agree,
-        tolerance=tolerance,
+        tolerance=Tolerance(metres=ground_truth.metres, degrees=ground_truth.degrees),
+        threads=threads,
     )
-    output.mkdir(parents=True, exist_ok=True)
+    options = _options(comparison)
+    if not overwrite:
+        _require_same(output, options)
+    output.mkdir(exist_ok=True)
     with compile_watch():
         done = compared_by(comparison, output / "records.jsonl", progress)
     count = f"{len(chosen)} pair{'s' if len(chosen) > 1 else ''}"
     print_title(f"{series.title}: {count}")
-    show_errors(done.direct, tolerance)
+    show_errors(done.direct, comparison.tolerance)
+    if done.consensus_count:
+        print_line("errors: differences from the pose that most other methods agree on")
+    elif not done.evaluated_count:
+        print_line("errors: no true poses; give --poses, --truth or --agree")
     if comparison.around is not None:
-        _show_basins(done, comparison.around, tolerance)
+        show_basins(done, comparison.around, comparison.tolerance)
     findings = comparison_findings(comparison, done, series)
     intro = f"{series_text(series)}, {count}. {truth_sentence(series)}"
     page = write_findings(output, "Comparison of methods", intro, comparison.methods, findings)
+    write_options(output, options)
     print_line(f"wrote {page} with tables, pictures and records")
 
 
+def _options(comparison: "Comparison") -> Options:
+    pairs, plan = comparison.pairs, comparison.around
+    return {
+        "scans": digest(comparison.key, *pairs),
+        "pairs": len(pairs),
+        "methods": " ".join(comparison.methods),
+        "settings": digest(*comparison.methods.values()),
+        "agree": comparison.use_consensus,
+        "starts": "none" if plan is None else f"{len(plan.names)}, {digest(plan)}",
+        "solved": str(comparison.tolerance),
+    }
+
+
+def _require_same(output: Path, options: Options) -> None:
+    """Raise `InvalidInput` if a folder has the page of another comparison."""
+    if not (output / "index.md").exists():
+        return
+    changes = changed_options(output, options)
+    if changes is None or changes:
+        differences = "; ".join(changes or ["its options are not known"])
+        raise InvalidInput(
+            f"{output} contains another comparison ({differences}); use another folder, or "
+            "--overwrite to replace its page"
+        )
+
+
 def _methods(
-    names: "Sequence[MethodName] | None", settings: "Sequence[Path]"
+    names: "Sequence[MethodName] | None", settings: "Sequence[Path]", changes: "Sequence[str]"
 ) -> "dict[str, Method[Any]]":
     from scanlock.registration.registry import METHODS, named_method
+    from scanlock.registration.settings.changes import changed_settings
     from scanlock.registration.settings.file import read_settings
 
     found: dict[str, Method[Any]] = dict(map(named_method, names or METHODS))
@@ -194,7 +246,12 @@ def _methods(
         if path.stem in found:
             raise InvalidInput(f"two methods have the name {path.stem}; rename {path.name}")
         found[path.stem] = read_settings(path)
-    return found
+    if not changes:
+        return found
+    return {
+        name: changed_settings(method, changes, f"{CHANGES} for {name}")
+        for name, method in found.items()
+    }
 
 
 def _series(
@@ -222,7 +279,7 @@ def _series(
         load=lambda path: reading.load(path).returns,
     )
     names = " ".join(path.name for path in scans)
-    variant = f"{reading.format} {reading.columns}"
+    variant = f"{reading.format} {reading.columns} {reading.scale}"
     return series_of(files, title=f"{len(scans)} scan files", origin=names, variant=variant)
 
 
@@ -239,21 +296,3 @@ def _chosen(
     if max_pairs is None or max_pairs >= len(pairs):
         return pairs
     return [pairs[row * len(pairs) // max_pairs] for row in range(max_pairs)]
-
-
-def _show_basins(done: "ComparisonResult", plan: "AroundTruth", tolerance: "Tolerance") -> None:
-    from scanlock.cli.console import print_table, print_title
-    from scanlock.experiments.comparison import basins
-
-    heads = ["error", *(f"{math.degrees(angle):g} deg" for angle in plan.angles)]
-    for name, basin in basins(done, plan, tolerance).items():
-        print_title(f"{name}: solved initial poses")
-        print_table(
-            heads,
-            [
-                [f"{distance:g} m", *(f"{n} / {of}" for n, of in zip(solved, tried, strict=True))]
-                for distance, solved, tried in zip(
-                    plan.distances, basin.solved, basin.tried, strict=True
-                )
-            ],
-        )

@@ -84,9 +84,9 @@ def _write(folder: Path, pair: "SimulatedPair", result: "RegistrationResult") ->
     except MissingExtra as missing:
         return [f"wrote {names} to {folder}", f"no picture: {missing}"]
     figure = registration_figure(
-        pair.target.points,
-        pair.source.points,
         result,
+        source=pair.source.points,
+        target=pair.target.points,
         truth=pair.target_from_source,
         close_up=False,
     )

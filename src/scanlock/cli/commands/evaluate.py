@@ -1,24 +1,26 @@
 """``scanlock evaluate``: errors of a trajectory against ground truth."""
 
-import math
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from scanlock.cli.option_types import Flag
-from scanlock.errors import FormatError, InvalidInput
+from scanlock.errors import require_count
 
 if TYPE_CHECKING:
-    from scanlock.arrays import Labels, Vector
-    from scanlock.evaluation.trajectory_errors import TrajectoryErrors
-    from scanlock.geometry.pose import Pose
+    from scanlock.cli.trajectory_pair import TrajectoryPair
+    from scanlock.evaluation.alignment import Alignment
 
-_MAX_TIME_DIFFERENCE = 0.05
-"""Maximum time difference of matching poses [s]; half a sweep at 10 Hz."""
+_SHOWN = ("rmse", "mean", "median", "std", "largest")
 
-_PARTS = ("rmse", "mean", "median", "largest")
+_ALIGNED = {
+    "none": "without alignment",
+    "first": "first poses aligned",
+    "all": "all positions aligned",
+    "all+scale": "all positions aligned with scale",
+}
 
 
 def evaluate(
@@ -26,24 +28,43 @@ def evaluate(
     truth: Path,
     /,
     *,
-    align: Annotated[Literal["none", "first", "all"], Parameter(negative="")] = "first",
-    step: int = 1,
+    align: Annotated[Literal["none", "first", "all", "all+scale"], Parameter(negative="")] = (
+        "first"
+    ),
+    delta: float = 1.0,
+    unit: Literal["scans", "m", "s"] = "scans",
+    all_pairs: Flag = False,
+    first: int | None = None,
+    axes: Literal["auto", "same", "camera"] = "auto",
+    calib: Path | None = None,
     picture: Path | None = None,
     json: Flag = False,
 ) -> None:
-    """Compute absolute, relative and KITTI errors of a trajectory.
+    """Compute absolute (APE), relative (RPE) and KITTI errors of a trajectory.
 
     Parameters
     ----------
     estimate : Path
         The estimated trajectory, KITTI or TUM format.
     truth : Path
-        The true trajectory, or a folder of scans with poses. Matched by time if both have
-        times, else by row.
+        The true trajectory, or a folder of scans with poses. Matched by time if both have times,
+        else by the names or numbers of the scans, else by row.
     align : str
-        Alignment before absolute errors: none, the first poses, or all positions.
-    step : int
-        Number of rows between the poses of the relative errors.
+        Alignment before absolute errors: none, the first poses, all positions, or all positions
+        with a scale.
+    delta : float
+        Distance between the poses of the relative errors.
+    unit : str
+        Unit of delta: scans, m of the true path, or s.
+    all_pairs : bool
+        Relative errors from each pose on, not only from the end of the previous motion.
+    first : int
+        Compare the first N matching poses only.
+    axes : str
+        Sensor frame of the truth: recognise KITTI's camera frame (auto), take it as it is (same),
+        or convert it from KITTI's camera frame (camera).
+    calib : Path
+        KITTI's calib.txt, for an exact conversion from the camera frame.
     picture : Path
         File for a picture of both trajectories and the errors: .png, .pdf or .svg.
     json : bool
@@ -51,19 +72,35 @@ def evaluate(
     """
     from scanlock.cli.console import print_json, print_line
     from scanlock.cli.output import make_room, require_picture
+    from scanlock.cli.trajectory_pair import in_one_frame, pair_trajectories
+    from scanlock.evaluation.error_summary import summarise
+    from scanlock.evaluation.trajectory_errors import relative_errors
+    from scanlock.io.trajectories import open_trajectory
+    from scanlock.report.canvas import save_figure
+    from scanlock.report.trajectory_figure import trajectory_figure
 
     if picture is not None:
         require_picture(picture)
-    matched = _matched(_read(estimate), _read(truth))
-    content = _content(matched, align, step)
+    if first is not None:
+        require_count("--first", first, 2)
+    true = open_trajectory(truth)
+    pair = pair_trajectories(open_trajectory(estimate), true, first)
+    pair = in_one_frame(pair, true, axes, calib)
+    poses = pair.estimate, pair.truth
+    motions = relative_errors(*poses, delta, unit, all_pairs=all_pairs, times=pair.times)
+    relative = {"delta": delta, "unit": unit, "pairs": len(motions), "all_pairs": all_pairs}
+    content = _content(pair, align, relative | summarise(motions))
     if picture is not None:
-        from scanlock.report.canvas import save_figure
-        from scanlock.report.trajectory_figure import trajectory_figure
-
         make_room(picture)
-        title = f"{estimate.name} and {truth.name}"
-        both = matched.estimate, matched.truth
-        save_figure(picture, trajectory_figure(*both, alignment=align, title=title))
+        figure = trajectory_figure(
+            *poses,
+            alignment=align,
+            relative=motions,
+            apart=_apart(relative),
+            times=pair.times if unit == "s" else None,
+            title=f"{estimate.name} and {truth.name}",
+        )
+        save_figure(picture, figure)
     if json:
         print_json(content)
         return
@@ -72,137 +109,76 @@ def evaluate(
         print_line(f"wrote {picture}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Track:
-    path: Path
-    times: "Vector | None"
-    poses: "list[Pose]"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Matched:
-    estimate: "list[Pose]"
-    truth: "list[Pose]"
-    counts: tuple[int, int]
-
-
-def _read(path: Path) -> _Track:
-    from scanlock.io.sequences import open_sequence, read_trajectory
-
-    if not path.is_dir():
-        return _Track(path, *read_trajectory(path))
-    sequence = open_sequence(path)
-    if not sequence.poses:
-        raise FormatError(
-            f"{path}: expected a folder of scans with their poses, found none ({sequence.title}); "
-            "name a file of poses"
-        )
-    return _Track(path, sequence.times, list(sequence.poses))
-
-
-def _matched(here: _Track, there: _Track) -> _Matched:
-    counts = len(here.poses), len(there.poses)
-    if here.times is not None and there.times is not None:
-        first, second = _pairs(here.times, there.times)
-        if len(first) == 0:
-            raise InvalidInput(
-                f"no time in {here.path} is within {_MAX_TIME_DIFFERENCE} s of one in "
-                f"{there.path}; check that both use the same clock"
-            )
-        poses = [here.poses[row] for row in first], [there.poses[row] for row in second]
-        return _Matched(*poses, counts)
-    if counts[0] != counts[1]:
-        raise InvalidInput(
-            f"{here.path} has {counts[0]} poses and {there.path} {counts[1]}; without times "
-            "both must have the same number; use TUM format for both"
-        )
-    return _Matched(here.poses, there.poses, counts)
-
-
-def _pairs(here: "Vector", there: "Vector") -> "tuple[Labels, Labels]":
-    """Return the rows of matching times, in order of time; each row at most once."""
-    import numpy as np
-
-    order = np.argsort(there, kind="stable")
-    after = np.searchsorted(there[order], here).clip(1, max(len(there) - 1, 1))
-    sides = np.stack([after - 1, np.minimum(after, len(there) - 1)])
-    differences = np.abs(there[order][sides] - here)
-    nearest = order[np.take_along_axis(sides, differences.argmin(axis=0)[None], axis=0)[0]]
-    difference = differences.min(axis=0)
-    # Of several rows with the same match the closest in time is kept.
-    rows = np.argsort(difference, kind="stable")
-    rows = rows[difference[rows] <= _MAX_TIME_DIFFERENCE]
-    _, once = np.unique(nearest[rows], return_index=True)
-    rows = rows[once]
-    rows = rows[np.argsort(here[rows], kind="stable")]
-    return rows, nearest[rows]
-
-
 def _content(
-    matched: _Matched, align: Literal["none", "first", "all"], step: int
+    pair: "TrajectoryPair", align: "Alignment", relative: dict[str, Any]
 ) -> dict[str, Any]:
-    from scanlock.evaluation.trajectory_errors import (
-        absolute_errors,
-        kitti_errors,
-        path_lengths,
-        relative_errors,
-    )
+    from scanlock.evaluation.alignment import find_alignment
+    from scanlock.evaluation.error_summary import summarise, summarise_kitti
+    from scanlock.evaluation.plausibility import find_warnings
+    from scanlock.evaluation.trajectory_errors import absolute_errors, kitti_errors, path_lengths
 
-    poses = matched.estimate, matched.truth
+    poses = pair.estimate, pair.truth
+    kitti = [asdict(one) for one in summarise_kitti(kitti_errors(*poses))]
     return {
-        "poses": len(matched.truth),
-        "estimate_poses": matched.counts[0],
-        "truth_poses": matched.counts[1],
-        "path_m": float(path_lengths(matched.truth)[-1]),
-        "absolute": {"align": align, **_summary(absolute_errors(*poses, align))},
-        "relative": {"step": step, **_summary(relative_errors(*poses, step))},
-        "kitti": _kitti(kitti_errors(*poses)),
-    }
-
-
-def _summary(errors: "TrajectoryErrors") -> dict[str, dict[str, float]]:
-    import numpy as np
-
-    def summed(values: "Vector") -> dict[str, float]:
-        numbers = np.sqrt(np.mean(values**2)), values.mean(), np.median(values), values.max()
-        return {name: float(value) for name, value in zip(_PARTS, numbers, strict=True)}
-
-    return {
-        "translation_m": summed(errors.translations),
-        "rotation_deg": summed(errors.rotations * (180.0 / math.pi)),
-    }
-
-
-def _kitti(errors: "TrajectoryErrors") -> dict[str, float] | None:
-    if len(errors) == 0:
-        return None
-    return {
-        "translation_percent": 100.0 * float((errors.translations / errors.lengths).mean()),
-        "rotation_deg_per_100_m": 100.0
-        * math.degrees(float((errors.rotations / errors.lengths).mean())),
-        "segments": len(errors),
+        "poses": len(pair.truth),
+        "matched_by": pair.matched_by,
+        "estimate_poses": pair.counts[0],
+        "truth_poses": pair.counts[1],
+        "path_m": float(path_lengths(pair.truth)[-1]),
+        "frame": pair.frame,
+        "notes": list(pair.notes),
+        "warnings": find_warnings(*poses),
+        "absolute": {
+            "align": align,
+            "scale": find_alignment(*poses, align).scale,
+            **summarise(absolute_errors(*poses, align)),
+        },
+        "relative": relative,
+        "kitti": {**kitti[0], "by_length": kitti[1:]} if kitti else None,
     }
 
 
 def _show(content: dict[str, Any]) -> None:
-    from scanlock.cli.console import print_line, print_table, print_title
+    from scanlock.cli.console import print_facts, print_line, print_table, print_title
 
+    absolute, relative = content["absolute"], content["relative"]
     print_title(
-        f"{content['poses']:,} poses matched, of {content['estimate_poses']:,} estimated and "
-        f"{content['truth_poses']:,} true, over {content['path_m']:.1f} m"
+        f"{absolute['translation_m']['rmse']:.3f} m and {absolute['rotation_deg']['rmse']:.3f} deg "
+        f"off (rmse) over {content['path_m']:.1f} m, {_ALIGNED[absolute['align']]}"
     )
-    names = {"absolute": "absolute", "relative": f"relative, {content['relative']['step']} apart"}
+    facts = [
+        (
+            "matched",
+            f"{content['poses']:,} poses by {content['matched_by']}, of "
+            f"{content['estimate_poses']:,} estimated and {content['truth_poses']:,} true",
+        )
+    ]
+    if absolute["scale"] != 1.0:
+        facts.append(("scale", f"{absolute['scale']:.6f}"))
+    facts.extend(("note", text) for text in content["notes"])
+    facts.extend(("warning", text) for text in content["warnings"])
+    print_facts(facts)
+    names = {"absolute": "absolute (APE)", "relative": f"relative over {_apart(relative)} (RPE)"}
     rows = [
-        (f"{name} [{unit}]", *(f"{content[key][quantity][part]:.4f}" for part in _PARTS))
+        (f"{name} [{unit}]", *(f"{content[key][quantity][part]:.4f}" for part in _SHOWN))
         for key, name in names.items()
         for quantity, unit in (("translation_m", "m"), ("rotation_deg", "deg"))
     ]
-    print_table(("errors", *_PARTS), rows)
+    print_table(("errors", *_SHOWN), rows)
     kitti = content["kitti"]
     if kitti is None:
         print_line("KITTI errors need a path of more than 100 m")
         return
+    longest = kitti["by_length"][-1]["length_m"]
+    lengths = "100 m" if longest == 100.0 else f"100 to {longest:.0f} m"
     print_line(
         f"KITTI: {kitti['translation_percent']:.4f} % and "
-        f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['segments']} segments"
+        f"{kitti['rotation_deg_per_100_m']:.4f} deg/100 m over {kitti['segments']} segments of "
+        f"{lengths}"
     )
+
+
+def _apart(relative: dict[str, Any]) -> str:
+    """Return the distance of the poses of relative errors with its unit."""
+    is_next = relative["unit"] == "scans" and relative["delta"] == 1.0
+    return "1 scan" if is_next else f"{relative['delta']:g} {relative['unit']}"

@@ -1,36 +1,57 @@
 """``scanlock map``: register the scans of a folder into a trajectory and a map."""
 
-import csv
-import io
-import math
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
-from scanlock.cli.option_types import DofName, MethodName
-from scanlock.errors import InvalidInput, MissingExtra, require_count, require_positive
+from scanlock.cli.mapping.drive import PAIRS, Drive, Row, read_rows
+from scanlock.cli.mapping.run import MapRun, Unverified, print_lines
+from scanlock.cli.method_option import Changes
+from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
+from scanlock.cli.run_options import Options, changed_options, digest
+from scanlock.cli.scan_input import Reading
+from scanlock.errors import InvalidInput, require_count, require_positive
 
 if TYPE_CHECKING:
-    from scanlock.geometry.pose import Pose
     from scanlock.io.sequences import ScanSequence
-    from scanlock.pipelines.odometry import OdometryStep
-    from scanlock.registration.result import RegistrationResult
+    from scanlock.registration.methods.protocol import Method
 
-_HEADS = (
-    "scan",
-    "target",
-    "source",
-    "status",
-    "overlap",
-    "score",
-    "moved_m",
-    "turned_deg",
-    "evaluations",
-    "reason",
-)
+MapFormat = Literal["ply", "pcd", "las", "laz", "npz"]
+
 _NAMED = 8
 """Maximum number of unverified scans that are printed; the table has all."""
+
+_OUTPUT = Group("Output folder", sort_key=2)
+
+
+@Parameter(name="*", group=_OUTPUT)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MapOutput:
+    """Options of the map and its folder."""
+
+    voxel_size: Annotated[
+        float, Parameter(help="Voxel size of the map [m]; it keeps one point per voxel.")
+    ] = 0.1
+    """Side of a voxel [m]."""
+
+    map_format: Annotated[MapFormat, Parameter(help="Format of the map.")] = "ply"
+    """Ending of the map."""
+
+    overwrite: Annotated[Flag, Parameter(help="Replace the map that the folder contains.")] = False
+    """Whether an existing map is replaced."""
+
+    resume: Annotated[
+        Flag, Parameter(help="Continue the map that the folder contains, after an interrupt.")
+    ] = False
+    """Whether an existing map is continued."""
+
+    @property
+    def map_name(self) -> str:
+        """File name of the map."""
+        return f"map.{self.map_format}"
 
 
 def map_folder(
@@ -40,12 +61,17 @@ def map_folder(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     method: MethodName | None = None,
     settings: Path | None = None,
+    changes: Changes = (),
     dof: DofName = "xyz+rpy",
     every: int = 1,
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
-    unverified: Literal["keep", "stop"] = "keep",
-    voxel_size: float = 0.1,
+    unverified: Unverified = "keep",
+    covariance: CovarianceName = "none",
+    threads: int = 1,
+    verbose: Annotated[Flag, Parameter(name=["--verbose", "-v"])] = False,
+    files: MapOutput | None = None,
+    reading: Reading | None = None,
 ) -> int:
     """Register consecutive scans of a folder and build one map.
 
@@ -54,7 +80,7 @@ def map_folder(
     folder : Path
         Folder of scans: plain, KITTI, Ford Campus, or from scanlock simulate.
     output : Path
-        Folder for trajectory, map and table of pairs; it must not contain a map yet.
+        Folder for trajectory, map and table of pairs.
     method : str
         Registration method; auto by default.
     settings : Path
@@ -70,8 +96,12 @@ def map_folder(
         Initial pose of each registration: no motion (identity), or the last motion (velocity).
     unverified : str
         Keep the pose of an unverified pair, or stop before its scan.
-    voxel_size : float
-        Voxel size of the map [m]; it keeps one point per voxel.
+    covariance : str
+        Estimate of the covariance of each motion, for the table of pairs.
+    threads : int
+        Maximum number of threads; the map does not depend on it.
+    verbose : bool
+        Also print the table of pairs.
 
     Returns
     -------
@@ -79,184 +109,150 @@ def map_folder(
         The exit code: 0 if every pair is verified, 2 if not.
     """
     from scanlock.cli.compile_notice import compile_watch
-    from scanlock.cli.console import counting
-    from scanlock.cli.interrupts import interrupt_delayed
+    from scanlock.cli.console import print_table
     from scanlock.cli.method_option import chosen_method
     from scanlock.io.sequences import open_sequence
-    from scanlock.pipelines.odometry import odometry
+    from scanlock.registration.registry import named_method
 
+    files, reading = files or MapOutput(), reading or Reading()
     require_count("--every", every)
     require_count("--scans", 2 if scans is None else scans, 2)
-    require_positive("--voxel-size", voxel_size, unit="m")
-    if (output / "map.ply").exists():
-        raise InvalidInput(f"{output} contains a map already; use another folder, or remove it")
-    chosen = chosen_method(method, settings)
+    require_count("--threads", threads)
+    require_positive("--voxel-size", files.voxel_size, unit="m")
+    chosen = named_method(chosen_method(method, settings, changes))[1]
     sequence = open_sequence(folder, every=every, count=scans)
     if len(sequence) < 2:
         raise InvalidInput(f"{folder} must contain at least 2 scans, got {len(sequence)}")
-    output.mkdir(parents=True, exist_ok=True)
-    drive = _Drive(sequence, voxel_size)
+    options = _options(chosen, dof, every, guess, covariance, files, reading)
+    known = _known_rows(output, files, options, sequence, unverified)
+    _require_format(files.map_format)
+    output.mkdir(exist_ok=True)
+    drive = Drive(sequence, files.voxel_size, files.map_name, options)
+    keywords = {
+        "method": chosen,
+        "guess": guess,
+        "dof": dof,
+        "covariance": False if covariance == "none" else covariance,
+    }
+    run = MapRun(drive, sequence, reading, output, threads, keywords)
     with compile_watch():
-        steps = odometry(
-            (sequence.scan(index) for index in counting(range(len(sequence)), "scans")),
-            method=chosen,
-            guess=guess,
-            dof=dof,
-        )
-        try:
-            for step in steps:
-                with interrupt_delayed():
-                    outcome = drive.add(step, unverified)
-                if outcome == "stopped":
-                    break
-                drive.keep(output)
-        except BaseException:
-            # After a broken scan or an interrupt, write the map so far.
-            with interrupt_delayed():
-                _print_lines(drive.write(output))
-            raise
-    with interrupt_delayed():
-        wrote = drive.write(output)
-    drive.show(folder)
-    _print_lines(wrote)
+        run.warm_up()
+        wrote = run.finish(known, unverified)
+    _show(drive, folder, sequence, files.voxel_size, run)
+    if verbose:
+        print_table(*drive.table())
+    print_lines(wrote)
     return 2 if drive.unverified else 0
 
 
-class _Drive:
-    """The map, the trajectory and the table of pairs so far.
+def _options(
+    method: "Method[Any]",
+    dof: str,
+    every: int,
+    guess: str,
+    covariance: str,
+    files: MapOutput,
+    reading: Reading,
+) -> Options:
+    from scanlock import __version__
 
-    Attributes
-    ----------
-    unverified : list of int
-        Scans whose motion from the previous one is not verified.
+    return {
+        "scanlock": __version__,
+        "method": f"{type(method).__name__} {digest(method)}",
+        "dof": dof,
+        "every": every,
+        "guess": guess,
+        "covariance": covariance,
+        "voxel_size": files.voxel_size,
+        "map_format": files.map_format,
+        "format": reading.format,
+        "columns": reading.columns,
+        "scale": reading.scale,
+    }
+
+
+def _known_rows(
+    output: Path,
+    files: MapOutput,
+    options: Options,
+    sequence: "ScanSequence",
+    unverified: Unverified,
+) -> list[Row]:
+    """Return the rows of an earlier run to continue; none for a new map.
+
+    Raises
+    ------
+    InvalidInput
+        The folder contains a map that is neither to be continued nor to be replaced, or one with
+        other options or scans.
     """
-
-    def __init__(self, sequence: "ScanSequence", voxel_size: float) -> None:
-        from scanlock.evaluation.voxel_map import VoxelMap
-
-        self.unverified: list[int] = []
-        self._sequence = sequence
-        self._voxel_size = voxel_size
-        self._map = VoxelMap(voxel_size)
-        self._poses: list[Pose] = []
-        self._rows: list[tuple[str | int, ...]] = []
-
-    def add(
-        self, step: "OdometryStep", unverified: Literal["keep", "stop"]
-    ) -> Literal["added", "stopped"]:
-        """Add a scan to the map, unless it is not verified and `unverified` is "stop"."""
-        index = len(self._poses)
-        if step.registration is not None:
-            names = self._sequence.names
-            self._rows.append(_row(index, names[index - 1], names[index], step.registration))
-        if not step.ok:
-            self.unverified.append(index)
-            if unverified == "stop":
-                return "stopped"
-        # Rounded as in the file, so that the points of the file fill the voxels that are counted.
-        points = step.pose.apply(step.cloud.points + step.cloud.origin).astype("float32")
-        self._map.add(points.astype("float64"))
-        self._poses.append(step.pose)
-        return "added"
-
-    def keep(self, output: Path) -> None:
-        """Write poses and table so far, which then survive a kill; the map is written last."""
-        from scanlock.cli.output import is_due
-
-        if is_due(len(self._poses)):
-            self._write_rows(output)
-
-    def write(self, output: Path) -> str:
-        """Write map, trajectory and table, and return the line to print."""
-        from scanlock.io import write_scan
-
-        if not self._poses:
-            return ""
-        self._write_rows(output)
-        write_scan(output / "map.ply", self._map.points)
-        try:
-            self._draw(output / "map.png")
-        except MissingExtra as missing:
-            return f"wrote map.ply, trajectories and pairs.csv to {output}\nno picture: {missing}"
-        return f"wrote map.ply, map.png, trajectories and pairs.csv to {output}"
-
-    def show(self, folder: Path) -> None:
-        """Print status and figures of the drive."""
-        from scanlock.cli.console import print_facts, print_status
-
-        of = len(self._sequence)
-        count = len(self._rows)
-        print_status(
-            "unverified" if self.unverified else "ok",
-            f"{count - len(self.unverified)} of {count} pairs are verified",
-            good=not self.unverified,
+    if files.overwrite and files.resume:
+        raise InvalidInput("give either --overwrite or --resume")
+    has_map = any((output / name).exists() for name in (PAIRS, *output.glob("map.*")))
+    if files.overwrite or not has_map:
+        return []
+    if not files.resume:
+        raise InvalidInput(
+            f"{output} contains a map already; use another folder, --resume to continue it, or "
+            "--overwrite to replace it"
         )
-        facts = [
-            ("scans", f"{len(self._poses)} of {folder} ({self._sequence.title})"),
-            ("path", f"{self._length():.1f} m"),
-            ("map", f"{len(self._map):,} voxels of {self._voxel_size:g} m filled"),
-        ]
-        if self.unverified:
-            names = [self._sequence.names[index] for index in self.unverified]
-            shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
-            stopped = self.unverified[-1] == len(self._poses)
-            left = f"stopped there, {of - len(self._poses)} of {of} scans not used"
-            end = left if stopped else "all later poses depend on these"
-            facts.append(("not ok", f"the motions to {shown}: {end}"))
-        print_facts(facts)
-
-    def _write_rows(self, output: Path) -> None:
-        from scanlock.io import atomic_file, write_kitti_poses, write_tum_poses
-
-        times = self._sequence.times[: len(self._poses)]
-        write_kitti_poses(output / "trajectory_kitti.txt", self._poses)
-        write_tum_poses(output / "trajectory_tum.txt", times, self._poses)
-        with atomic_file(output / "pairs.csv") as handle:
-            table = io.StringIO()
-            csv.writer(table, lineterminator="\n").writerows([_HEADS, *self._rows])
-            handle.write(table.getvalue().encode())
-
-    def _draw(self, path: Path) -> None:
-        import numpy as np
-
-        from scanlock.report.canvas import require_figures, save_figure
-        from scanlock.report.drive_figure import drive_figure
-
-        require_figures()
-        positions = np.array([pose.translation for pose in self._poses])
-        untrusted = [index for index in self.unverified if index < len(positions)]
-        title = f"{len(positions)} scans, {self._length():.0f} m"
-        points = self._map.points.astype(np.float64)
-        save_figure(path, drive_figure(points, positions, untrusted=untrusted, title=title))
-
-    def _length(self) -> float:
-        from scanlock.evaluation.trajectory_errors import path_lengths
-
-        return float(path_lengths(self._poses)[-1])
+    changes = changed_options(output, options)
+    if changes is None or changes or not (output / PAIRS).exists():
+        raise InvalidInput(
+            f"--resume needs the options of the map in {output}: "
+            f"{', '.join(changes) if changes else 'they are not known'}; use --overwrite"
+        )
+    rows = read_rows(output / PAIRS)
+    names = sequence.names
+    for row, pair in zip(rows, pairwise(names), strict=False):
+        if (row["target"], row["source"]) != pair:
+            raise InvalidInput(
+                f"--resume needs the scans of the map in {output}: scan {row['scan']} was "
+                f"{row['source']}, is {pair[1]}; use --overwrite"
+            )
+    rows = rows[: len(names) - 1]
+    if unverified == "stop":
+        good = [row["status"] == "ok" for row in rows]
+        rows = rows[: good.index(False)] if False in good else rows
+    return rows
 
 
-def _row(
-    index: int, target: str, source: str, found: "RegistrationResult"
-) -> tuple[str | int, ...]:
-    from scanlock.geometry.pose import Pose
+def _require_format(map_format: MapFormat) -> None:
+    """Raise unless a map of this format can be written, before the work."""
+    import tempfile
 
-    metres, radians = found.target_from_source.distance(Pose.identity())
-    return (
-        index,
-        target,
-        source,
-        found.status.value,
-        f"{found.overlap:.6f}",
-        f"{found.score:.6f}",
-        f"{metres:.6f}",
-        f"{math.degrees(radians):.6f}",
-        found.evaluations,
-        found.reason,
+    import numpy as np
+
+    from scanlock.io import write_scan
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_scan(Path(folder) / f"map.{map_format}", np.ones((1, 3), np.float32))
+
+
+def _show(
+    drive: Drive, folder: Path, sequence: "ScanSequence", voxel_size: float, run: MapRun
+) -> None:
+    """Print status and figures of the drive."""
+    from scanlock.cli.console import print_facts, print_status
+    from scanlock.cli.progress import rate_text
+
+    of, count = len(sequence), len(drive.rows)
+    print_status(
+        "unverified" if drive.unverified else "ok",
+        f"{count - len(drive.unverified)} of {count} pairs are verified",
+        good=not drive.unverified,
     )
-
-
-def _print_lines(text: str) -> None:
-    from scanlock.cli.console import print_line
-
-    for line in text.splitlines():
-        print_line(line)
+    facts = [("scans", f"{len(drive.poses)} of {folder} ({sequence.title})")]
+    facts += [] if drive.is_on_map else [("path", f"{drive.length():.1f} m")]
+    facts.append(("map", f"{len(drive.map):,} voxels of {voxel_size:g} m filled"))
+    if run.registered:
+        rate = rate_text(run.registered / run.seconds, "scans")
+        facts.append(("time", f"{run.seconds:.1f} s without compiling, {rate}"))
+    if drive.unverified:
+        names = [sequence.names[index] for index in drive.unverified]
+        shown = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+        stopped = drive.unverified[-1] == len(drive.poses)
+        left = f"stopped there, {of - len(drive.poses)} of {of} scans not used"
+        end = left if stopped else "all later poses depend on these"
+        facts.append(("not ok", f"the motions to {shown}: {end}"))
+    print_facts(facts)

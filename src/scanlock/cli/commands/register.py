@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName, OutputFile
-from scanlock.cli.scan_input import LoadedScan, Reading
-from scanlock.errors import require_positive
+from scanlock.cli.method_option import Changes
+from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
+from scanlock.cli.result_files import ResultFiles
+from scanlock.cli.scan_input import LoadedScan, Reading, system_notes
+from scanlock.errors import InvalidInput, require_positive
 
 if TYPE_CHECKING:
     from scanlock.arrays import Matrix
@@ -25,16 +27,16 @@ def register(
     *,
     method: MethodName | None = None,
     settings: Path | None = None,
+    changes: Changes = (),
     initial: Path | None = None,
     dof: DofName = "xyz+rpy",
-    prior: tuple[float, float] | None = None,
+    prior: Annotated[tuple[float, float] | None, Parameter(negative="")] = None,
     fix_degenerate: Flag = False,
-    covariance: CovarianceName | None = None,
+    covariance: CovarianceName = "sandwich",
     threads: int = 1,
-    output: OutputFile = None,
-    picture: Path | None = None,
     json: Flag = False,
     verbose: Annotated[Flag, Parameter(name=["--verbose", "-v"])] = False,
+    files: ResultFiles | None = None,
     reading: Reading | None = None,
 ) -> int:
     """Estimate the pose that maps the source onto the target, and verify it.
@@ -50,7 +52,7 @@ def register(
     settings : Path
         A method with your own settings: TOML as printed by scanlock settings.
     initial : Path
-        Initial pose, target from source (4x4 matrix in text, .json or .npy).
+        Initial pose, target from source (4x4 matrix in text, .json or .npy), or the word identity.
     dof : str
         Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
         motion (xy+yaw). The others keep the initial pose.
@@ -59,14 +61,10 @@ def register(
     fix_degenerate : bool
         Keep degenerate directions, such as along a corridor, as in the initial pose.
     covariance : str
-        Estimate the covariance of the pose: from the scatter between blocks of the scene
-        (sandwich), from the curvature alone (hessian), or from twelve more registrations (sampled).
+        Estimate of the accuracy: from the scatter between blocks of the scene (sandwich), from the
+        curvature alone (hessian), from twelve more registrations (sampled), or none.
     threads : int
         Maximum number of threads; the result does not depend on it.
-    output : Path
-        File for the pose: .txt or .npy (4x4 matrix), or .json (whole result).
-    picture : Path
-        File for a picture of both scans before and after: .png, .pdf or .svg.
     json : bool
         Print the whole result as JSON, and nothing else.
     verbose : bool
@@ -79,24 +77,16 @@ def register(
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_json, print_line
+    from scanlock.cli.errors import complain
     from scanlock.cli.method_option import chosen_method
-    from scanlock.cli.output import (
-        POSE_ENDINGS,
-        require_apart,
-        require_ending,
-        require_picture,
-        save_pose,
-    )
     from scanlock.cli.results import show_history, show_registration
     from scanlock.registration.register import register as registered
+    from scanlock.registration.registry import named_method
 
-    if output is not None:
-        require_ending(output, POSE_ENDINGS, "the pose file")
-        require_apart(output, (source, target))
-    if picture is not None:
-        require_picture(picture)
+    files = files or ResultFiles()
+    files.check((source, target))
     begin = time.perf_counter()
-    chosen = chosen_method(method, settings)
+    chosen = chosen_method(method, settings, changes)
     given, start = (None, None) if initial is None else _read_initial(initial)
     gaussian = None if prior is None else _prior(start, *prior)
     moving, fixed = ((reading or Reading()).load(path) for path in (source, target))
@@ -111,30 +101,32 @@ def register(
             dof=dof,
             prior=gaussian,
             fix_degenerate=fix_degenerate,
-            covariance=covariance,
+            covariance=False if covariance == "none" else covariance,
             threads=threads,
         )
+    remarks = system_notes(moving, fixed)
     content = _content(result, moving, fixed, read_time, verbose)
-    if output is not None:
-        save_pose(output, result.target_from_source, content)
-    if picture is not None:
-        _draw(picture, moving, fixed, result, start)
+    content["notes"] = [*remarks, *content["notes"]]
     if json:
         print_json(content)
-        return 0 if result.ok else 2
-    show_registration(
-        result,
-        moving.summary(),
-        fixed.summary(),
-        first_stage=("read", read_time),
-        compiled=watch.compiled,
-        verbose=verbose,
-    )
-    if verbose:
-        show_history(result)
-    for path in (output, picture):
-        if path is not None:
-            print_line(f"wrote {path}")
+    else:
+        show_registration(
+            result,
+            moving.summary(),
+            fixed.summary(),
+            first_stage=("read", read_time),
+            compiled=watch.compiled,
+            remarks=remarks,
+            verbose=verbose,
+        )
+        if verbose:
+            show_history(result)
+    # After the result is printed, which a full disk must not lose.
+    for line in files.write(result, moving, fixed, content, named_method(chosen)[1], start):
+        if not json:
+            print_line(line)
+        elif not line.startswith("wrote"):
+            complain(line)
     return 0 if result.ok else 2
 
 
@@ -143,17 +135,23 @@ def _read_initial(path: Path) -> "tuple[Matrix, Pose]":
     from scanlock.geometry.pose import Pose
     from scanlock.io import read_pose_matrix
 
+    if path == Path("identity") and not path.exists():
+        return Pose.identity().matrix, Pose.identity()
     matrix = read_pose_matrix(path)
     return matrix, Pose.from_matrix(matrix)
 
 
 def _prior(start: "Pose | None", metres: float, degrees: float) -> "PosePrior":
-    from scanlock.geometry.pose import Pose
     from scanlock.optimisation.objectives.constraints import PosePrior
 
     for value, unit in ((metres, "m"), (degrees, "deg")):
         require_positive("--prior", value, unit=unit)
-    return PosePrior.from_deviations(start or Pose.identity(), metres, math.radians(degrees))
+    if start is None:
+        raise InvalidInput(
+            "--prior needs --initial, the pose whose deviations it states; for scans that hardly "
+            "moved, --initial identity"
+        )
+    return PosePrior.from_deviations(start, metres, math.radians(degrees))
 
 
 def _content(
@@ -172,18 +170,3 @@ def _content(
         "read_s": read_time,
     }
     return {**content, "history": history_content(result)} if verbose else content
-
-
-def _draw(
-    path: Path,
-    source: LoadedScan,
-    target: LoadedScan,
-    result: "RegistrationResult",
-    start: "Pose | None",
-) -> None:
-    from scanlock.cli.output import make_room
-    from scanlock.report.canvas import save_figure
-    from scanlock.report.registration_figure import registration_figure
-
-    make_room(path)
-    save_figure(path, registration_figure(target.returns, source.returns, result, initial=start))

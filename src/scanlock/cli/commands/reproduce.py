@@ -25,6 +25,7 @@ def reproduce(
     seed: int = 1,
     data: Path | None = None,
     poses: Path | None = None,
+    threads: int = 1,
 ) -> None:
     """Reproduce an experiment of the papers and write a page with the published numbers beside.
 
@@ -39,13 +40,16 @@ def reproduce(
         Folder for the page, tables, figures, trajectories and maps; by default
         scanlock-EXPERIMENT.
     scans : int
-        Number of scans to register, or of positions for ladar.
+        Number of scans to register, at least 2, or of positions for ladar. Claims of the paper
+        are judged from ten pairs on.
     seed : int
         Seed of the simulated scans; any whole number from 0.
     data : Path
         Folder of recorded scans to use instead: KITTI, Ford Campus, or plain files.
     poses : Path
         True poses of all scans in that folder (KITTI or TUM format).
+    threads : int
+        Maximum number of threads of a registration; only times depend on it.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, print_table, print_title, waiting
@@ -58,6 +62,7 @@ def reproduce(
 
     require_figures()
     require_count("--seed", seed, 0)
+    require_count("--threads", threads)
     if scans is not None:
         require_count("--scans", scans, 2)
     chosen = EXPERIMENTS[experiment]
@@ -65,7 +70,7 @@ def reproduce(
     with compile_watch():
         with waiting("preparing"):
             series = _series(chosen, scans, seed, data, poses)
-        done = reproduced(chosen, series, folder, progress)
+        done = reproduced(chosen, series, folder, progress, threads=threads)
     print_title(f"{chosen.title}: {series.title}")
     headline = done.findings.headline
     if headline is not None:

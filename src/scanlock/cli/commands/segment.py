@@ -1,7 +1,9 @@
 """``scanlock segment``: the ground and the clusters of a scan file."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from scanlock.cli.option_types import Flag, OutputFile
 from scanlock.cli.scan_input import LoadedScan, Reading
@@ -26,7 +28,10 @@ def segment(
     scan: Path,
     /,
     *,
+    settings: Path | None = None,
+    threads: int = 1,
     output: OutputFile = None,
+    colours: Annotated[bool, Parameter(negative="--no-colours")] = True,
     picture: Path | None = None,
     json: Flag = False,
     reading: Reading | None = None,
@@ -37,9 +42,15 @@ def segment(
     ----------
     scan : Path
         Scan file.
+    settings : Path
+        Your own settings: TOML as printed by scanlock settings segment.
+    threads : int
+        Maximum number of threads; the result does not depend on it.
     output : Path
         File of labels (.npy, .txt, .csv, .label) or of the labelled scan (.ply, .pcd, .npz, .las,
         .laz).
+    colours : bool
+        Colour the points of .ply and .pcd by their label.
     picture : Path
         Figure of the ground and the clusters: .png, .pdf or .svg.
     json : bool
@@ -47,25 +58,38 @@ def segment(
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_facts, print_json, print_line, print_title
-    from scanlock.cli.output import make_room, require_apart, require_ending, require_picture
+    from scanlock.cli.output import (
+        require_apart,
+        require_ending,
+        require_folder,
+        require_picture,
+    )
+    from scanlock.registration.settings.file import read_settings_like
+    from scanlock.report.labelled_scan import compared_ground
+    from scanlock.segmentation.segmentation import Segmenter
     from scanlock.segmentation.segmentation import segment as segmented
+    from scanlock.threads import using_threads
 
     if output is not None:
         require_ending(output, (*_LABEL_ENDINGS, *_SCAN_ENDINGS), "the output")
         require_apart(output, (scan,))
+        require_folder(output)
     if picture is not None:
         require_picture(picture)
+        require_folder(picture)
+    segmenter = Segmenter() if settings is None else read_settings_like(settings, Segmenter())
     loaded = (reading or Reading()).load(scan)
-    with compile_watch():
-        found = segmented(loaded.points)
+    with compile_watch(), using_threads(threads):
+        found = segmented(loaded.points, segmenter)
     wrote: list[str] = []
     if output is not None:
-        make_room(output)
-        wrote.append(_write(output, loaded, found))
+        wrote.extend(_write(output, loaded, found, colours=colours))
     if picture is not None:
-        make_room(picture)
         wrote.append(_draw(picture, found))
-    summary = _summary(found)
+    summary = _summary(found) | {
+        "file_ground": compared_ground(loaded.file, found.labels),
+        "notes": list(loaded.file.notes),
+    }
     if json:
         print_json({"scan": str(scan), **summary})
         return
@@ -110,36 +134,39 @@ def _facts(summary: dict[str, Any]) -> "Facts":
     sizes = f"{summary['median_cluster']:,} points in the median, {summary['largest_cluster']:,}"
     return [
         *facts,
+        *_comparison(summary["file_ground"]),
         ("clusters", f"{summary['clusters']:,} of {count('cluster_points')}"),
         ("", f"{sizes} in the largest"),
         ("neither", count("left_out_points")),
+        *(("note", note) for note in summary["notes"]),
     ]
 
 
-def _write(path: Path, loaded: LoadedScan, found: "Segmentation") -> str:
+def _comparison(file_ground: dict[str, Any] | None) -> "Facts":
+    """Return the agreement with the ground of the file, if it has one."""
+    if file_ground is None:
+        return []
+    texts = [f"{100 * file_ground['recall']:.1f} % found"]
+    if file_ground["precision"] is not None:
+        texts.append(f"{100 * file_ground['precision']:.1f} % of the ground found is class 2")
+    texts.append(f"{100 * file_ground['agreement']:.1f} % of all points agree")
+    return [("class 2", f"{file_ground['points']:,} points of the file: {'; '.join(texts)}")]
+
+
+def _write(path: Path, loaded: LoadedScan, found: "Segmentation", *, colours: bool) -> list[str]:
     from scanlock.io import write_labels, write_scan
+    from scanlock.report.labelled_scan import labelled_scan
 
     suffix = path.suffix.lower()
     if suffix == ".label":
         write_labels(path, semantic_kitti_labels(found.labels))
-        return f"wrote {path}: 49 ground, 99 clusters with their number above 16 bits, 0 neither"
+        return [f"wrote {path}: 49 ground, 99 clusters with their number above 16 bits, 0 neither"]
     if suffix in _LABEL_ENDINGS:
         write_labels(path, found.labels)
-        return f"wrote {path}: one label a row, 0 ground, 1 and up clusters, -1 neither"
-    name = _free_name(loaded)
-    file = loaded.file
-    # Few other programs read 64-bit integers, and 32 bits suffice.
-    fields = {**file.fields, name: found.labels.astype("int32")}
-    points = file.points.astype("float32" if file.coordinate_dtype == "float32" else "float64")
-    is_pcd = suffix == ".pcd"
-    write_scan(
-        path,
-        points,
-        fields,
-        height=file.height if is_pcd else 1,
-        viewpoint=file.viewpoint if is_pcd else None,
-    )
-    return f"wrote {path}: the scan with a field {name}, 0 ground, 1 and up clusters, -1 neither"
+        return [f"wrote {path}: one label a row, 0 ground, 1 and up clusters, -1 neither"]
+    labelled, added = labelled_scan(loaded.file, found.labels, suffix, colours=colours)
+    write_scan(path, labelled)
+    return [f"wrote {path}: the scan with", *(f"  {text}" for text in added)]
 
 
 def semantic_kitti_labels(labels: "Labels") -> "Labels":
@@ -158,11 +185,6 @@ def semantic_kitti_labels(labels: "Labels") -> "Labels":
         )
     packed = np.where(labels > 0, _OTHER_OBJECT + (labels << 16), _UNLABELLED)
     return np.where(labels == 0, _OTHER_GROUND, packed)
-
-
-def _free_name(loaded: LoadedScan) -> str:
-    taken = {name.lower() for name in loaded.file.fields}
-    return "label" if "label" not in taken else "scanlock_label"
 
 
 def _draw(path: Path, found: "Segmentation") -> str:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scanlock.evaluation.crispness import VOXEL_SIZE
 from scanlock.evaluation.voxel_map import VoxelMap
+from scanlock.experiments.claims import judged
 from scanlock.experiments.experiment import (
     Contender,
     Experiment,
@@ -109,7 +110,7 @@ def _analyse(outcome: Outcome, progress: Progress) -> Findings:
             ),
             Section(
                 title="Claims of the paper",
-                claims=ladar_claims(found, PUBLISHED),
+                claims=judged(ladar_claims(found, PUBLISHED), found.places, "places"),
                 remarks=ladar_remarks(found, PUBLISHED),
             ),
             Section(

@@ -1,6 +1,6 @@
 """Calibration and times of KITTI sequences."""
 
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -56,9 +56,12 @@ def read_kitti_times(path: Path) -> Vector:
 
 
 def read_clock_times(path: Path) -> Vector:
-    """Read timestamps.txt of a raw drive as (n,) seconds since midnight of the first day.
+    """Read timestamps.txt of a raw drive, of the laser or of oxts, as (n,) UNIX times [s].
 
-    Its lines are dates and times such as ``2011-09-26 13:04:32.335337762``.
+    Its lines are dates and times such as ``2011-09-26 13:04:32.335337762``, the local time of
+    Karlsruhe without a time zone. They are read as if they were UTC, whatever the time zone of
+    this machine, so that all times of the data set agree with each other; real UNIX times are two
+    hours earlier (CEST). As float64 they are exact to 0.2 us.
 
     Raises
     ------
@@ -68,21 +71,19 @@ def read_clock_times(path: Path) -> Vector:
         A line that is not a date and time.
     """
     seconds: list[float] = []
-    first: datetime | None = None
     for number, line in enumerate(_lines(path, "time"), start=1):
         if not line.strip():
             continue
         try:
             whole, _, part = line.strip().partition(".")
-            moment = datetime.fromisoformat(whole)
+            moment = datetime.fromisoformat(whole).replace(tzinfo=UTC)
             fraction = float(f"0.{part or 0}")
         except ValueError as error:
             raise malformed(
                 path, f"line {number}", expected="a date and a time", found=repr(line[:40]),
                 remedy="copy the file again, or remove it to number the scans instead",
             ) from error  # fmt: skip
-        first = first or moment.replace(hour=0, minute=0, second=0)
-        seconds.append((moment - first).total_seconds() + fraction)
+        seconds.append(moment.timestamp() + fraction)
     return np.array(seconds)
 
 

@@ -1,7 +1,5 @@
 """Headerless float32 rows (.bin), the format of KITTI, nuScenes, Newer College and others."""
 
-import itertools
-import math
 from pathlib import Path
 from typing import BinaryIO
 
@@ -9,21 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.errors import InvalidInput
-from scanlock.io.columns import conventional_names
+from scanlock.io.column_order import refuse_other_order
+from scanlock.io.columns import Request, conventional_names
 from scanlock.io.errors import malformed
+from scanlock.io.formats.row_length import guess_row_length, names_of_columns
 from scanlock.io.scan_file import ScanFile, scan_from_columns
-
-_WIDTHS = (3, 4, 5)
-"""Row lengths that are guessed: xyz, KITTI's xyzi, nuScenes' xyzir."""
-
-_SAMPLE_ROWS = 2048
-
-_MIN_DISTANCE = 0.2
-"""Distance of the distributions of two columns above which they are different quantities.
-
-Real scans have 0.26 to 1.0 with the correct row length, and below 0.05 with a wrong one (0.15 for
-300 rows).
-"""
 
 _MIN_MAGNITUDE, _MAX_MAGNITUDE = 1e-12, 1e8
 """Plausible magnitudes of a coordinate [m], an intensity or a label other than zero."""
@@ -40,12 +28,11 @@ _MAX_ROUNDING = 1e-3
 _REMEDY = "pass columns= (number or names) if it is known, or copy the file again"
 
 
-def read_bin(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_bin(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read rows of little-endian float32.
 
-    Without `columns`, the row length is that of 3, 4 and 5 whose columns differ most in
-    distribution. With a wrong row length every column mixes all quantities, so that all columns
-    have the same distribution. The test does not depend on the order of the rows.
+    Without `columns`, the length and the names of a row are guessed from the values; see
+    `scanlock.io.formats.row_length`.
     """
     if len(data) % 4:
         raise malformed(
@@ -56,13 +43,14 @@ def read_bin(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
             remedy="the file is cut short or has another format",
         )
     values = np.frombuffer(data, dtype="<f4")
-    notes: list[str] = []
     if columns is None:
-        _require_plausible(path, values)
-        width, note = _guessed_width(path, values)
-        notes.append(note)
+        # A signalling NaN is kept like any other NaN, without a warning.
+        with np.errstate(invalid="ignore"):
+            _require_plausible(path, values)
+            width, names, notes = _guessed(path, values)
     else:
         width = columns if isinstance(columns, int) else len(columns)
+        names, notes = conventional_names(width), list[str]()
     if len(values) % width:
         raise malformed(
             path,
@@ -71,13 +59,38 @@ def read_bin(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
             found=f"{len(data) % (4 * width)} bytes left over",
             remedy=f"the file is cut short, or has other columns: {_REMEDY}",
         )
-    names = columns if isinstance(columns, tuple) else conventional_names(width)
+    table = values.reshape(-1, width)
     if not isinstance(columns, tuple) and width > 3:
         notes.append(f"names of columns after the third assumed: {', '.join(names[3:])}")
-    table = values.reshape(-1, width)
     return scan_from_columns(
-        path, names, list(table.T), format="bin", encoding="binary", notes=tuple(notes)
+        path,
+        names,
+        list(table.T),
+        request=_every_name(path, columns),
+        named=False,
+        format="bin",
+        encoding="binary",
+        notes=tuple(notes),
     )
+
+
+def _guessed(path: Path, values: NDArray[np.float32]) -> tuple[int, tuple[str, ...], list[str]]:
+    """Return the row length, the names of the columns and a note on the guess."""
+    width, note = guess_row_length(path, values)
+    table = values.reshape(-1, width)
+    names = names_of_columns(path, table)
+    refuse_other_order(path, list(table.T))
+    return width, names, [note]
+
+
+def _every_name(path: Path, columns: Request) -> Request:
+    """Return the requested columns; raise `InvalidInput` for pairs, which hide the row length."""
+    if isinstance(columns, tuple) and any("=" in name for name in columns):
+        raise InvalidInput(
+            f"{path}: columns of .bin must name every column of a row in order, got "
+            f'{" ".join(columns)!r}; leave some out as in "_ x y z"'
+        )
+    return columns
 
 
 def write_bin(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
@@ -129,78 +142,3 @@ def _require_plausible(path: Path, values: NDArray[np.float32]) -> None:
             remedy="these are probably doubles, integers or another format; convert them to "
             "float32 rows first, or pass columns= to skip this check",
         )
-
-
-def _guessed_width(path: Path, values: NDArray[np.float32]) -> tuple[int, str]:
-    fitting = [width for width in _WIDTHS if len(values) % width == 0]
-    likely = _likely_width(values)
-    if likely is not None and likely not in fitting:
-        raise malformed(
-            path,
-            f"byte {4 * (len(values) - len(values) % likely)}",
-            expected=f"whole rows of {likely} float32, as the values suggest",
-            found=f"{4 * (len(values) % likely)} bytes left over",
-            remedy=f"the file is cut short; {_REMEDY}",
-        )
-    if not fitting:
-        raise malformed(
-            path,
-            f"byte {4 * len(values)}",
-            expected="whole rows of 3, 4 or 5 float32",
-            found=f"the end after {len(values)} values",
-            remedy=_REMEDY,
-        )
-    if len(fitting) == 1:
-        return fitting[0], (
-            f"{fitting[0]} float32 columns assumed: the only common number that fits the size"
-        )
-    if likely is not None:
-        return likely, (
-            f"{likely} float32 columns guessed from the values ({', '.join(map(str, fitting))} fit "
-            "the size); columns= overrides"
-        )
-    # The only criterion left is that an intensity is never negative.
-    width = 4 if 4 in fitting and not (3 in fitting and (values[3::4] < 0).any()) else fitting[0]
-    others = ", ".join(str(other) for other in fitting if other != width)
-    return width, (
-        f"{width} float32 columns assumed: the size also fits {others}, and the values do not "
-        "decide; columns= overrides"
-    )
-
-
-def _likely_width(values: NDArray[np.float32]) -> int | None:
-    """Return the row length that the values indicate clearly; None if they do not."""
-    distances = {
-        width: _column_distance(values, width) for width in _WIDTHS if len(values) >= width
-    }
-    if not distances:
-        return None
-    best = max(distances, key=lambda width: distances[width])
-    # With few rows, two samples of one distribution differ by chance (the factor is the 0.1 %
-    # quantile of the two-sample test).
-    rows = len(values) // best
-    chance = 1.95 * math.sqrt(2.0 / -(-rows // _row_stride(rows)))
-    runner_up = max((one for width, one in distances.items() if width != best), default=0.0)
-    return best if distances[best] > max(_MIN_DISTANCE, chance, 2.0 * runner_up) else None
-
-
-def _row_stride(rows: int) -> int:
-    stride = max(1, rows // _SAMPLE_ROWS)
-    # With a stride that has a common factor with a row length, the columns of wrong rows would
-    # differ in distribution too.
-    while math.gcd(stride, math.prod(_WIDTHS)) != 1:
-        stride += 1
-    return stride
-
-
-def _column_distance(values: NDArray[np.float32], width: int) -> float:
-    """Return the largest Kolmogorov-Smirnov distance between two columns, for a row length."""
-    rows = len(values) // width
-    table = values[: rows * width].reshape(rows, width)[:: _row_stride(rows)]
-    table = np.sort(np.where(np.isfinite(table), table, 0.0), axis=0)
-    distance = 0.0
-    for a, b in itertools.combinations(table.T, 2):
-        both = np.concatenate((a, b))
-        steps = np.searchsorted(a, both, side="right") - np.searchsorted(b, both, side="right")
-        distance = max(distance, float(np.abs(steps).max()) / len(a))
-    return distance

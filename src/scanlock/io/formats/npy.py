@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.errors import FormatError, InvalidInput
-from scanlock.io.columns import find_coordinates, numbered_names
+from scanlock.io.column_order import refuse_other_order
+from scanlock.io.columns import (
+    Request,
+    find_coordinates,
+    numbered_names,
+    require_request_of_names,
+    select_columns,
+)
 from scanlock.io.errors import malformed
 from scanlock.io.scan_file import ScanFile, scan_from_columns
 
@@ -34,14 +41,14 @@ _POINT_KEYS = ("points", "xyz", "arr_0")
 """Names of the points in .npz files, in order of preference."""
 
 
-def read_npy(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_npy(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read a plain (n, 3+) array, or a structured array with x, y and z."""
     array = array_from_npy(path, data)
     names, parts = _split(path, array, columns)
     return scan_from_columns(path, names, parts, format="npy", encoding="binary")
 
 
-def read_npz(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_npz(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read the arrays x, y, z, or one of points, xyz and arr_0; other arrays become fields.
 
     Arrays without a row for each point are left out, with a note.
@@ -141,14 +148,14 @@ def array_from_npy(path: Path, data: bytes) -> NDArray[Any]:
 
 
 def _named_arrays(
-    path: Path, data: bytes, columns: tuple[str, ...] | int | None
+    path: Path, data: bytes, columns: Request
 ) -> tuple[list[str], list[NDArray[Any]]]:
     arrays = _members(path, data)
-    if find_coordinates(list(arrays)) is not None:
-        return list(arrays), list(arrays.values())
     key = next((key for key in _POINT_KEYS if key in arrays), None)
     if key is None and len(arrays) == 1:
         key = next(iter(arrays))
+    if find_coordinates(list(arrays)) is not None or (key is None and isinstance(columns, tuple)):
+        return _chosen(path, arrays, columns)
     if key is None:
         raise malformed(
             path,
@@ -178,18 +185,18 @@ def _members(path: Path, data: bytes) -> dict[str, NDArray[Any]]:
 
 
 def _split(
-    path: Path, array: NDArray[Any], columns: tuple[str, ...] | int | None
+    path: Path, array: NDArray[Any], columns: Request
 ) -> tuple[list[str], list[NDArray[Any]]]:
     if array.dtype.names is not None:
-        if array.ndim != 1 or columns is not None:
+        if array.ndim != 1:
             raise malformed(
                 path,
                 "header",
-                expected="a one-dimensional structured array, and no columns=",
-                found=f"shape {array.shape}, columns={columns}",
-                remedy="save a one-dimensional array, and leave columns out",
+                expected="a one-dimensional structured array",
+                found=f"shape {array.shape}",
+                remedy="save a one-dimensional array",
             )
-        return list(array.dtype.names), [array[name] for name in array.dtype.names]
+        return _chosen(path, {name: array[name] for name in array.dtype.names}, columns)
     if array.ndim != 2 or array.shape[1] < 3 or array.dtype.kind not in "fiu":
         raise malformed(
             path,
@@ -198,14 +205,17 @@ def _split(
             found=f"{array.dtype} of shape {array.shape}",
             remedy="save one row per point",
         )
-    requested = len(columns) if isinstance(columns, tuple) else columns
-    if requested is not None and requested != array.shape[1]:
-        raise malformed(
-            path,
-            "header",
-            expected=f"{requested} columns, as requested",
-            found=f"{array.shape[1]}",
-            remedy="name every column in columns=",
-        )
-    names = columns if isinstance(columns, tuple) else numbered_names(array.shape[1])
-    return list(names), list(array.T)
+    if columns is None:
+        refuse_other_order(path, list(array.T))
+    chosen = select_columns(path, numbered_names(array.shape[1]), columns, named=False)
+    return [name for name, _ in chosen], [array[:, index] for _, index in chosen]
+
+
+def _chosen(
+    path: Path, arrays: dict[str, NDArray[Any]], columns: Request
+) -> tuple[list[str], list[NDArray[Any]]]:
+    """Return the names and values of the columns that are wanted of those with names."""
+    require_request_of_names(path, "a NumPy file with named columns", columns)
+    chosen = select_columns(path, list(arrays), columns)
+    parts = list(arrays.values())
+    return [name for name, _ in chosen], [parts[index] for _, index in chosen]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import quaternion_from_rotation
-from scanlock.io.columns import require_writable_names
+from scanlock.io.columns import Request, require_request_of_names, require_writable_names
 from scanlock.io.errors import check_body_size, malformed
 from scanlock.io.formats.pcd_header import PADDING, PcdHeader, parse_header
 from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
@@ -21,10 +21,9 @@ _MAX_RATIO = 100
 _ENCODINGS = {"binary": "binary", "ascii": "ascii", "compressed": "binary_compressed"}
 
 
-def read_pcd(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_pcd(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read a PCD file of any encoding; padding is skipped, and rows with NaN are kept."""
-    if columns is not None:
-        raise InvalidInput(f"{path}: columns must not be given for PCD, which names its own")
+    require_request_of_names(path, "PCD", columns)
     header = parse_header(path, data)
     parts = {
         "ascii": _ascii_columns,
@@ -40,9 +39,10 @@ def read_pcd(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
         path,
         [name for name, _ in named],
         [part for _, part in named],
+        request=columns,
         format="pcd",
         encoding=header.encoding,
-        notes=truncation_notes(data) if header.encoding == "ascii" else (),
+        notes=(*header.notes, *(truncation_notes(data) if header.encoding == "ascii" else ())),
         width=header.width,
         height=header.height,
         viewpoint=header.viewpoint,

@@ -76,6 +76,9 @@ class PcdHeader:
     lines: int
     """Number of lines of the header."""
 
+    notes: tuple[str, ...] = ()
+    """Notes on entries that were inferred."""
+
     @property
     def points(self) -> int:
         """Number of points."""
@@ -132,6 +135,7 @@ class _HeaderLines:
     def __init__(self, path: Path, entries: dict[str, tuple[int, list[str]]]) -> None:
         self.path = path
         self.entries = entries
+        self.notes: list[str] = []
 
     def header(self, offset: int, lines: int) -> PcdHeader:
         fields = self.fields()
@@ -139,14 +143,16 @@ class _HeaderLines:
         encoding = " ".join(self.entries["DATA"][1]).lower()
         if encoding not in _ENCODINGS:
             raise self.error("DATA", f"one of {', '.join(_ENCODINGS)}")
+        viewpoint = self.viewpoint()
         return PcdHeader(
             fields=fields,
             width=width,
             height=height,
-            viewpoint=self.viewpoint(),
+            viewpoint=viewpoint,
             encoding=encoding,
             offset=offset,
             lines=lines,
+            notes=tuple(self.notes),
         )
 
     def fields(self) -> tuple[PcdField, ...]:
@@ -170,6 +176,12 @@ class _HeaderLines:
         width_key = "WIDTH" if "WIDTH" in self.entries else "POINTS"
         width = self.integers(width_key, 1)[0]
         height = self.integers("HEIGHT", 1)[0] if "HEIGHT" in self.entries else 1
+        if "WIDTH" not in self.entries:
+            self.notes.append("no WIDTH in the header: all POINTS read as one row")
+        elif width == height == 0 and "POINTS" in self.entries:
+            # Several writers leave the size of the image at zero.
+            width, height = self.integers("POINTS", 1)[0], 1
+            self.notes.append("WIDTH 0 and HEIGHT 0 in the header: all POINTS read as one row")
         if count_key == "POINTS" and width * height != self.integers("POINTS", 1)[0]:
             raise self.error("POINTS", f"WIDTH x HEIGHT = {width * height}")
         if width * height == 0:
@@ -182,6 +194,9 @@ class _HeaderLines:
         words = self.words("VIEWPOINT", 7)
         try:
             x, y, z, qw, qx, qy, qz = map(float, words)
+            if qw == qx == qy == qz == 0.0:
+                self.notes.append("VIEWPOINT without a rotation (0 0 0 0): read as no rotation")
+                qw = 1.0
             return pose_from_quaternion((x, y, z), (qw, qx, qy, qz))
         except (ValueError, InvalidInput) as error:
             raise self.error("VIEWPOINT", "tx ty tz and a unit quaternion qw qx qy qz") from error

@@ -6,8 +6,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from scanlock.errors import InvalidInput
-from scanlock.io.columns import require_writable_names
+from scanlock.io.columns import Request, require_request_of_names, require_writable_names
 from scanlock.io.errors import check_body_size, malformed
+from scanlock.io.formats.foreign import refuse_packed_ply
 from scanlock.io.formats.ply_header import PlyElement, PlyHeader, parse_header
 from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
@@ -29,17 +30,19 @@ _NAMES = {
 _REMEDY = "the file is cut short, or its header is wrong; copy or write it again"
 
 
-def read_ply(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_ply(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read the vertices of an ascii or binary PLY file with all scalar properties."""
-    if columns is not None:
-        raise InvalidInput(f"{path}: columns must not be given for PLY, which names its own")
+    require_request_of_names(path, "PLY", columns)
     header = parse_header(path, data)
     read = _ascii_columns if header.encoding == "ascii" else _binary_columns
     vertex = next(element for element in header.elements if element.name == "vertex")
+    names = [entry.name for entry in vertex.properties]
+    refuse_packed_ply(path, names)
     return scan_from_columns(
         path,
-        [entry.name for entry in vertex.properties],
+        names,
         read(path, data, header),
+        request=columns,
         format="ply",
         encoding=header.encoding,
         notes=truncation_notes(data) if header.encoding == "ascii" else (),
@@ -116,6 +119,11 @@ def _ascii_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:
     vertex = header.elements[index]
     before = sum(element.count for element in header.elements[:index])
     first, last = filled[before], filled[before + vertex.count - 1]
+    at = 0
+    for element in header.elements:
+        if element.has_lists:
+            _check_list_lines(path, lines, filled[at : at + element.count], element, header.lines)
+        at += element.count
     table = parse_rows(
         path,
         b"\n".join(lines[first : last + 1]),
@@ -126,6 +134,29 @@ def _ascii_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:
         as_declared_type(path, column, entry.dtype, entry.name, f"after line {header.lines}")
         for column, entry in zip(table, vertex.properties, strict=True)
     ]
+
+
+def _check_list_lines(
+    path: Path, lines: list[bytes], numbers: list[int], element: PlyElement, header_lines: int
+) -> None:
+    """Raise `FormatError` for a line on which the lists are not as long as they announce."""
+    for number in numbers:
+        words = lines[number].split()
+        at = 0
+        for entry in element.properties:
+            length = 1
+            if entry.length_dtype is not None:
+                length = int(words[at]) if at < len(words) and words[at].isdigit() else len(words)
+                at += 1
+            at += length
+        if at != len(words):
+            raise malformed(
+                path,
+                f"line {header_lines + number + 1}",
+                expected=f"a row of element {element.name} with lists of the announced lengths",
+                found=repr(lines[number].strip()[:40].decode("ascii", "backslashreplace")),
+                remedy=_REMEDY,
+            )
 
 
 def _binary_columns(path: Path, data: bytes, header: PlyHeader) -> list[Field]:

@@ -1,24 +1,39 @@
 """Registry of scan formats, and detection of the format of a file."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from scanlock.errors import FormatError, InvalidInput
+from scanlock.io.columns import Request
+from scanlock.io.errors import read_bytes, read_start
+from scanlock.io.formats.e57.reader import e57_stations
+from scanlock.io.formats.e57.writer import write_e57, write_e57_stations
 from scanlock.io.formats.float32_bin import read_bin, write_bin
-from scanlock.io.formats.las import read_las, write_las
+from scanlock.io.formats.foreign import refuse_foreign
+from scanlock.io.formats.las.read import read_las
+from scanlock.io.formats.las.write import write_las
 from scanlock.io.formats.npy import read_npy, read_npz, write_npy, write_npz
+from scanlock.io.formats.obj import is_obj, read_obj, write_obj
 from scanlock.io.formats.pcd import read_pcd, write_pcd
 from scanlock.io.formats.ply import read_ply, write_ply
+from scanlock.io.formats.pts import is_pts, pts_stations, write_pts
+from scanlock.io.formats.ptx import is_ptx, ptx_stations, write_ptx, write_ptx_stations
 from scanlock.io.formats.text import read_text, write_text
+from scanlock.io.formats.vtk.legacy import read_vtk, write_vtk
+from scanlock.io.formats.vtk.xml import read_vtp
 from scanlock.io.scan_file import ScanFile
+from scanlock.io.stations import Lister, only_station
 
-Reader = Callable[[Path, bytes, tuple[str, ...] | int | None], ScanFile]
+Reader = Callable[[Path, bytes, Request], ScanFile]
 """Function of path (for messages), contents and requested columns that returns the scan."""
 
 Writer = Callable[[Path, BinaryIO, ScanFile, str], None]
 """Function of path (for messages and variants), open file, scan and encoding that writes it."""
+
+StationWriter = Callable[[Path, BinaryIO, Sequence[ScanFile]], None]
+"""Function of path (for messages), open file and scans that writes a file of stations."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -34,11 +49,20 @@ class ScanFormat:
     read: Reader
     """Reader of scans."""
 
-    write: Writer
-    """Writer of scans."""
+    write: Writer | None
+    """Writer of scans; None for formats that are only read."""
 
     encodings: tuple[str, ...]
     """Encodings of the writer, the default first."""
+
+    stations: Lister | None = None
+    """Lister of the stations of a file, for formats that hold several scans."""
+
+    write_stations: StationWriter | None = None
+    """Writer of several stations, with their poses and names, for formats that hold them."""
+
+    opens_files: bool = False
+    """Whether the reader opens the path itself, and gets the first bytes only."""
 
     organised: bool = False
     """Whether the format stores width, height and viewpoint of an organised cloud."""
@@ -83,7 +107,7 @@ FORMATS: dict[str, ScanFormat] = {
     ),
     "txt": ScanFormat(
         title="text table",
-        extensions=(".txt", ".xyz", ".csv", ".asc", ".pts", ".3d"),
+        extensions=(".txt", ".xyz", ".csv", ".asc", ".3d"),
         read=read_text,
         write=write_text,
         encodings=("ascii",),
@@ -95,27 +119,73 @@ FORMATS: dict[str, ScanFormat] = {
         write=write_las,
         encodings=("binary", "compressed"),
     ),
+    "e57": ScanFormat(
+        title="E57 (terrestrial scanners)",
+        extensions=(".e57",),
+        read=only_station(e57_stations),
+        write=write_e57,
+        encodings=("binary",),
+        stations=e57_stations,
+        write_stations=write_e57_stations,
+        opens_files=True,
+    ),
+    "ptx": ScanFormat(
+        title="PTX (Leica)",
+        extensions=(".ptx",),
+        read=only_station(ptx_stations),
+        write=write_ptx,
+        encodings=("ascii",),
+        stations=ptx_stations,
+        write_stations=write_ptx_stations,
+    ),
+    "pts": ScanFormat(
+        title="PTS (Leica)",
+        extensions=(".pts",),
+        read=only_station(pts_stations),
+        write=write_pts,
+        encodings=("ascii",),
+        stations=pts_stations,
+    ),
+    "vtk": ScanFormat(
+        title="VTK legacy",
+        extensions=(".vtk",),
+        read=read_vtk,
+        write=write_vtk,
+        encodings=("binary", "ascii"),
+    ),
+    "vtp": ScanFormat(
+        title="VTK XML PolyData",
+        extensions=(".vtp",),
+        read=read_vtp,
+        write=None,
+        encodings=(),
+    ),
+    "obj": ScanFormat(
+        title="OBJ (Wavefront)",
+        extensions=(".obj",),
+        read=read_obj,
+        write=write_obj,
+        encodings=("ascii",),
+    ),
 }
 
-_FOREIGN = {
-    b"# vtk": "VTK",
-    b"ASTM-E57": "E57",
-    b"#ROSBAG": "ROS bag",
-    b"\x89MCAP": "MCAP",
-    b"SQLite": "SQLite (ROS 2 bag)",
-    b"\x89HDF": "HDF5",
-    b"\x1f\x8b\x08": "gzip",
-    b"\xd4\xc3\xb2\xa1": "pcap packet capture",
-    b"\xa1\xb2\xc3\xd4": "pcap packet capture",
-    b"\x0a\x0d\x0d\x0a": "pcapng packet capture",
-    b"\x89PNG": "PNG",
-    b"ARROW1": "Feather",
-    b"PAR1": "Parquet",
-}
-"""First bytes and names of formats that are recognised but not read."""
+WRITABLE = tuple(name for name, known in FORMATS.items() if known.write is not None)
+"""Formats that can be written."""
 
-_WITHOUT_MAGIC = ("bin", "txt")
+_MAGIC = {
+    b"LASF": "las",
+    b"\x93NUMPY": "npy",
+    b"PK\x03\x04": "npz",
+    b"ASTM-E57": "e57",
+    b"# vtk DataFile": "vtk",
+}
+"""Formats by the first bytes of a file."""
+
+_WITHOUT_MAGIC = ("bin", "txt", "pts", "ptx", "obj")
 """Formats that the extension alone decides: raw float32, and text that is not ASCII."""
+
+_PLAIN_TEXT = ("pts",)
+"""Formats that may be plain tables."""
 
 _PREVIEW = 4096
 _TEXT_BYTES = frozenset(range(32, 256)) | set(b"\t\n\v\f\r")
@@ -136,13 +206,8 @@ def format_of_content(path: Path, data: bytes) -> str | None:
     FormatError
         A format that is recognised but not read here.
     """
-    for magic, title in _FOREIGN.items():
-        if data.startswith(magic):
-            raise FormatError(
-                f"{path}: byte 0: expected a scan, found a {title} file; convert it to one of "
-                f"{', '.join(FORMATS)} first"
-            )
-    for magic, name in ((b"LASF", "las"), (b"\x93NUMPY", "npy"), (b"PK\x03\x04", "npz")):
+    refuse_foreign(path, data, ", ".join(FORMATS))
+    for magic, name in _MAGIC.items():
         if data.startswith(magic):
             return name
     if data.startswith((b"ply\n", b"ply\r")):
@@ -152,7 +217,12 @@ def format_of_content(path: Path, data: bytes) -> str | None:
     first = next((line for line in lines if line and not line.startswith(b"#")), b"")
     if head.startswith(b"# .PCD") or first.startswith(_PCD_KEYS):
         return "pcd"
-    return "txt" if _TEXT_BYTES.issuperset(head) and head.isascii() else None
+    if head.lstrip().startswith((b"<VTKFile", b"<?xml")) and b"<VTKFile" in head:
+        return "vtp"
+    if not (_TEXT_BYTES.issuperset(head) and head.isascii()):
+        return None
+    tests = (("ptx", is_ptx), ("pts", is_pts), ("obj", is_obj))
+    return next((name for name, is_format in tests if is_format(head)), "txt")
 
 
 def detect_format(path: Path, data: bytes, requested: str | None) -> str:
@@ -168,7 +238,11 @@ def detect_format(path: Path, data: bytes, requested: str | None) -> str:
     if requested is not None:
         return require_format(requested)
     named, found = format_of_name(path), format_of_content(path, data)
-    if named is not None and (found == named or (found is None and named in _WITHOUT_MAGIC)):
+    if named is not None and (
+        found == named
+        or (found is None and named in _WITHOUT_MAGIC)
+        or (found == "txt" and named in _PLAIN_TEXT)
+    ):
         return named
     if named is None and found is not None:
         return found
@@ -183,6 +257,21 @@ def detect_format(path: Path, data: bytes, requested: str | None) -> str:
         f"{path}: byte 0: expected {FORMATS[named].title} for the extension {path.suffix}, "
         f"found {described}; {remedy}"
     )
+
+
+def open_contents(path: Path, requested: str | None) -> tuple[ScanFormat, bytes]:
+    """Return the format of a file, and its contents or, if the reader opens it, its beginning.
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError, InvalidInput
+        As for `detect_format`; or a folder, a device, an empty or too large file.
+    """
+    start = read_start(path, "scan")
+    known = FORMATS[detect_format(path, start, requested)]
+    return known, start if known.opens_files else read_bytes(path, "scan")
 
 
 def require_format(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Text tables of numbers: .xyz, .txt, .csv, .asc, .pts, and .3d of 3DTK."""
+"""Text tables of numbers: .xyz, .txt, .csv, .asc, and .3d of 3DTK."""
 
 import re
 from pathlib import Path
@@ -7,8 +7,15 @@ from typing import BinaryIO
 import numpy as np
 
 from scanlock.errors import FormatError, InvalidInput
-from scanlock.io.columns import find_coordinates, numbered_names, require_writable_names
+from scanlock.io.column_order import refuse_other_order
+from scanlock.io.columns import (
+    Request,
+    find_coordinates,
+    numbered_names,
+    require_writable_names,
+)
 from scanlock.io.errors import malformed
+from scanlock.io.formats.text_lines import require_text
 from scanlock.io.numeric_text import (
     SEPARATORS,
     first_line,
@@ -20,9 +27,7 @@ from scanlock.io.numeric_text import (
 )
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
 
-_CONTROL = bytes(k for k in range(32) if k not in b"\t\n\v\f\r")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-_COUNT = re.compile(rb"\d{1,18}\s*")
 _POSE_TOLERANCE = 1e-3
 """Maximum deviation from rotations or unit quaternions at which rows are taken for poses."""
 
@@ -31,51 +36,55 @@ _PREVIEW_LINES = 20
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def read_text(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
+def read_text(path: Path, data: bytes, columns: Request) -> ScanFile:
     """Read a table with one point per line.
 
     Columns are separated by commas, semicolons, tabs or spaces, whatever the extension. Comments
-    start with ``#``, ``//`` or ``%``. Names of columns come from `columns`, from a first line that
-    is not numeric, or from the last comment before the numbers; by default, the first three
-    columns are x, y and z.
+    start with ``#``, ``//`` or ``%``. Names of columns come from a first line that is not numeric,
+    or from the last comment before the numbers, and `columns` chooses among them; else `columns`
+    names the columns. By default, the first three columns are x, y and z; a table of which the
+    first column looks like times, indices or intensities is refused.
     """
     body, notes = _uncommented(path, data)
     start, end = first_line(body)
     line = body[:start].count(b"\n") + 1
     names: list[str] | None = None
-    announced: int | None = None
     if not is_numeric_line(body[start:end]):
         names = _split_names(body[start:end].decode("utf-8", "replace"))
-    elif path.suffix.lower() == ".pts" and _COUNT.fullmatch(body[start:end]):
-        announced = int(body[start:end])
-    if names is not None or announced is not None:
         body = body[:start] + body[end:]
     body, guesses = _separated_by_spaces(body)
     table = parse_rows(path, body)
     rows = len(table[0]) if table else 0
-    if rows == 0 or (announced is not None and announced != rows):
+    if rows == 0:
         raise malformed(
             path,
             f"after line {line}",
-            expected="at least one line of numbers" if announced is None else f"{announced} points",
-            found=str(rows),
+            expected="at least one line of numbers",
+            found="none",
             remedy="the file is cut short; copy or write it again",
         )
-    if names is None and columns is None:
-        _refuse_trajectory(path, table)
     if names is None:
         names = _commented_names(data[:_PREVIEW_BYTES], len(table))
-    final = _final_names(path, names, columns, len(table))
+    if names is None and columns is None:
+        _refuse_trajectory(path, table)
+        refuse_other_order(path, table)
     return scan_from_columns(
-        path, final, table, format="txt", encoding="ascii", notes=(*notes, *guesses)
+        path,
+        _final_names(path, names, columns, len(table)),
+        table,
+        request=columns,
+        named=names is not None,
+        format="txt",
+        encoding="ascii",
+        notes=(*notes, *guesses),
     )
 
 
 def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
     """Write one point per line, with the shortest digits from which the same value is read.
 
-    A .csv file has commas and a line of names, and a .pts file begins with the number of points.
-    Other files have spaces and, if there are fields, a comment with the names.
+    A .csv file has commas and a line of names. Other files have spaces and, if there are fields, a
+    comment with the names.
     """
     fields = flat_fields(path, scan)
     require_writable_names(path, fields)
@@ -90,8 +99,6 @@ def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> N
     separator = "," if suffix == ".csv" else " "
     if suffix == ".csv":
         handle.write((",".join(names) + "\n").encode("ascii"))
-    elif suffix == ".pts":
-        handle.write(f"{len(scan)}\n".encode("ascii"))
     elif fields:
         handle.write(f"# {' '.join(names)}\n".encode("ascii"))
     handle.write(table_lines(columns, separator))
@@ -99,16 +106,7 @@ def write_text(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> N
 
 def _uncommented(path: Path, data: bytes) -> tuple[bytes, list[str]]:
     """Return the text with its comments removed but all lines kept, and notes on the file."""
-    data = data.removeprefix(_BYTE_ORDER_MARK)
-    if len(data.translate(None, delete=_CONTROL)) != len(data):
-        offset = next(k for k, byte in enumerate(data) if byte in _CONTROL)
-        raise malformed(
-            path,
-            f"byte {offset}",
-            expected="plain text",
-            found=f"the byte 0x{data[offset]:02x}",
-            remedy="the file is binary or UTF-16; pass format=, or save it as UTF-8",
-        )
+    data = require_text(path, data)
     notes: list[str] = []
     if path.suffix.lower() == ".3d":
         notes.append("3DTK uses centimetres and a left-handed frame; values are as stored")
@@ -165,18 +163,13 @@ def _commented_names(head: bytes, width: int) -> list[str] | None:
 
 
 def _final_names(
-    path: Path, header: list[str] | None, columns: tuple[str, ...] | int | None, width: int
+    path: Path, header: list[str] | None, columns: Request, width: int
 ) -> tuple[str, ...]:
-    requested = len(columns) if isinstance(columns, tuple) else columns
-    if requested is not None and requested != width:
-        raise _column_error(path, f"{requested} columns, as requested", width)
-    if isinstance(columns, tuple):
-        return columns
     if header is not None:
         if len(header) != width:
             raise _column_error(path, f"a number for each of {', '.join(header)}", width)
         return tuple(header)
-    if width < 3:
+    if width < 3 and columns is None:
         raise _column_error(path, "at least three columns", width)
     return numbered_names(width)
 

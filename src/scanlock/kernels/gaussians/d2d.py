@@ -25,7 +25,7 @@ exactly zero, so superfluous pairs cost time and change no sum.
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import inlined, sum_kernel
+from scanlock.kernels._compile import inlined, kernel, sum_kernel
 from scanlock.kernels._inline import (
     NO_TERMS,
     Nine,
@@ -231,4 +231,49 @@ def d2d_terms(
                 _add_block(block, filled, sharpness, window_start, window_end, exact, terms)
                 filled = 0
     _add_block(block, filled, sharpness, window_start, window_end, exact, terms)
+    return terms
+
+
+@kernel
+def d2d_terms_by_run(
+    target_means: Points,
+    target_covariances: Matrix,
+    target_weights: Vector,
+    source_means: Points,
+    source_covariances: Matrix,
+    source_weights: Vector,
+    lists: Labels,
+    starts: Labels,
+    members: Labels,
+    ends: Labels,
+    rotation: Matrix,
+    translation: Vector,
+    sharpness: float,
+    window_start: float,
+    window_end: float,
+    exact: float,
+) -> Matrix:
+    """Return the (r, 28) sums of `d2d_terms` of consecutive runs of sources with the given ends."""
+    terms = np.empty((ends.shape[0], 28))
+    first = 0
+    for run in range(ends.shape[0]):
+        last = ends[run]
+        terms[run] = d2d_terms(
+            target_means,
+            target_covariances,
+            target_weights,
+            source_means[first:last],
+            source_covariances[first:last],
+            source_weights[first:last],
+            lists[first:last],
+            starts,
+            members,
+            rotation,
+            translation,
+            sharpness,
+            window_start,
+            window_end,
+            exact,
+        )
+        first = last
     return terms

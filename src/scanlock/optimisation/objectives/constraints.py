@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Vector, frozen
+from scanlock.arrays import Matrix, Vector, frozen, short_repr
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation, hat, inverse_left_jacobian
@@ -47,6 +47,8 @@ class PosePrior:
 
     pose: Pose
     covariance: Matrix
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         covariance = np.array(self.covariance, np.float64)

@@ -1,7 +1,7 @@
 """NDT scores over all Gaussians: rho and Lambda of Das et al. 2013, sections VI and VII."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from scanlock.arrays import Labels, Matrix, Points, Vector, read_only
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.gaussians.d2d import d2d_terms
+from scanlock.kernels.gaussians.d2d import d2d_terms, d2d_terms_by_run
 from scanlock.kernels.gaussians.p2d import bounding_balls, p2d_terms
 from scanlock.kernels.points.morton import morton_codes
 from scanlock.models.gaussians import Gaussians
@@ -20,7 +20,6 @@ from scanlock.optimisation.solvers.problem import (
     Curvature,
     Quadratic,
     contributions_of_rows,
-    rows_by_block,
 )
 from scanlock.threads import parallel_map
 
@@ -150,17 +149,29 @@ class GaussiansToGaussians:
 
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
         """Return the gradient and Hessian of each block of source Gaussians at `pose`."""
-        order, runs = rows_by_block(blocks)
-        ordered = replace(self, source=self.source.taken(order))
         if self.candidates is not None:
-            lists, starts, members = self.candidates.at(pose.apply(ordered.source.means))
+            lists, starts, members = self.candidates.at(pose.apply(self.source.means))
         else:
-            every = slice(0, len(order))
-            lists, starts, members = NeighbourLists(ordered._search, pose).computed(every)
-        height = self.shape.height
-        return Contributions.from_terms(
-            [height * ordered._terms(pose, run, (lists[run], starts, members)) for run in runs]
+            lists, starts, members = self._neighbours_at(pose).all_lists()
+        order = np.argsort(blocks, kind="stable")
+        of_target, of_source = self._weights
+        terms = d2d_terms_by_run(
+            self.target.means,
+            self.target.packed_covariances,
+            of_target,
+            read_only(self.source.means[order]),
+            read_only(self.source.packed_covariances[order]),
+            read_only(of_source[order]),
+            read_only(lists[order]),
+            starts,
+            members,
+            read_only(np.cumsum(np.bincount(blocks))),
+            pose.rotation,
+            pose.translation,
+            *self.shape.parameters,
+            float(self.curvature == "exact"),
         )
+        return Contributions.from_terms(self.shape.height * terms)
 
     @cached_property
     def _weights(self) -> tuple[Vector, Vector]:

@@ -145,6 +145,22 @@ class NeighbourLists:
                 self._cached[chunk] = lists
         return lists
 
+    def all_lists(self) -> Lists:
+        """Return the lists of all sources."""
+        parts = [self.lists(chunk) for chunk in self.chunks]
+        if not parts:
+            return self.computed(slice(0, len(self.search.source)))
+        if len(parts) == 1:
+            return parts[0]
+        lists, starts, count, length = [], [np.zeros(1, np.int64)], 0, 0
+        for of_part, part_starts, members in parts:
+            lists.append(of_part + count)
+            starts.append(part_starts[1:] + length)
+            count, length = count + len(part_starts) - 1, length + len(members)
+        joined = (lists, starts, [members for _, _, members in parts])
+        of_all, of_starts, of_members = (read_only(np.concatenate(one)) for one in joined)
+        return of_all, of_starts, of_members
+
     def are_valid_at(self, pose: Pose) -> bool:
         """Return whether no source has moved by more than its margin."""
         change = pose.rotation - self.pose.rotation

@@ -111,7 +111,7 @@ class Contributions:
     hessians: Matrix
 
     @classmethod
-    def from_terms(cls, terms: Sequence[Vector]) -> "Contributions":
+    def from_terms(cls, terms: Sequence[Vector] | Matrix) -> "Contributions":
         """Return the contributions of b blocks from the 28 sums of a kernel for each."""
         rows = np.array(terms).reshape(-1, 28)
         hessians = np.empty((len(rows), 6, 6))

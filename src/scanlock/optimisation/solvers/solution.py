@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from scanlock.arrays import short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
@@ -36,6 +37,8 @@ class Iteration:
     pose: Pose
     mean_distance: float = math.nan
     pairs: int | None = None
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,3 +73,5 @@ class Solution:
     objective: Objective | None = None
     candidates: tuple[Any, ...] = ()
     runner_up_ratio: float = math.nan
+
+    __repr__ = short_repr

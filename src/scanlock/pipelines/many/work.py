@@ -59,10 +59,15 @@ def read_points(path: Path, *, format: str | None = None, columns: Columns = Non
 
     Raises
     ------
+    InvalidInput
+        Coordinates in degrees.
     FormatError
         No point is finite and not (0, 0, 0), or an error of `read_scan`.
     """
-    points = read_scan(path, format, columns=columns).points
+    file = read_scan(path, format, columns=columns)
+    if file.crs is not None:
+        file.crs.require_lengths(str(path))
+    points = file.points
     blank = (points == 0.0).all(axis=1)
     if blank.any():
         points = points[~blank]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from scanlock.arrays import short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.constraints import Constraints
@@ -39,6 +40,8 @@ class AutoData:
     level_from_scan: Pose | None
     features: VerificationFeatures
     fine: FineNdtScan | None
+
+    __repr__ = short_repr
 
     @property
     def has_clusters(self) -> bool:

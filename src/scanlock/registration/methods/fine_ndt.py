@@ -7,7 +7,7 @@ millimetres, from a pose within one or two cells.
 
 from dataclasses import dataclass, field, replace
 
-from scanlock.arrays import Points, frozen
+from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.geometry.pose import Pose
@@ -47,6 +47,8 @@ class FineNdtScan:
     cell_size: float
     gaussians: Gaussians
     first_grid: Gaussians
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.points)

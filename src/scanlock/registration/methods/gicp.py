@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from scanlock.arrays import short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.point_tree import PointTree
 from scanlock.clouds.voxel_grid import voxel_means
@@ -58,6 +59,8 @@ class SurfaceScan:
 
     surface: SurfacePoints
     stages: tuple[SearchStage, ...]
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Vector, frozen, read_only
+from scanlock.arrays import Matrix, Vector, frozen, read_only, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
@@ -54,6 +54,8 @@ class BevGrid:
     free_cells: Matrix
     ground_heights: Matrix
     ground_cell_size: float
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (self.occupied_cells, self.occupancy, self.free_cells, self.ground_heights):

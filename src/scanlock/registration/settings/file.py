@@ -8,6 +8,8 @@ fields, and no other code. Keys that are left out keep their defaults::
     min_deviation = 0.05              # [m]
     [schedule.solver]
     type = "LevenbergMarquardt"       # needed where several classes are allowed
+
+The name of a class stands for a table with its defaults: ``schedule.solver = "Bfgs"``.
 """
 
 import dataclasses
@@ -17,7 +19,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from scanlock.errors import InvalidInput
 from scanlock.io.atomic import atomic_file
@@ -26,6 +28,8 @@ from scanlock.registration.methods.protocol import Method
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.text import NONE, settings_text
 from scanlock.registration.settings.types import Allowed, allowed, annotations_of, default_of
+
+_Settings = TypeVar("_Settings")
 
 _CLASS, _METHOD = "type", "method"
 """Keys for the class of a table and, at the top level, for the name of a method."""
@@ -101,14 +105,51 @@ def read_settings(path: str | os.PathLike[str]) -> Method[Any]:
     InvalidInput
         As for `settings_from_toml`.
     """
-    path = Path(path)
+    return settings_from_toml(_text_of(Path(path)), str(path))
+
+
+def read_settings_like(path: str | os.PathLike[str], default: _Settings) -> _Settings:
+    """Read settings of another class than a method from a TOML file.
+
+    Parameters
+    ----------
+    path : path-like
+    default : object
+        Settings of that class, whose values keys that are left out keep.
+
+    Returns
+    -------
+    object
+        Settings of the class of `default`.
+
+    Raises
+    ------
+    FileNotFoundError
+        The file does not exist.
+    FormatError
+        The path is a folder, or the file is empty.
+    InvalidInput
+        As for `settings_from_toml`.
+    """
+    root = _Location(str(path))
+    content = _content(_text_of(Path(path)), root.source)
+    return _settings(content, _class(content, {type(default)}, default, root), default, root)
+
+
+def _text_of(path: Path) -> str:
     try:
-        text = read_bytes(path, "settings").decode("utf-8-sig")
+        return read_bytes(path, "settings").decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InvalidInput(
             f"{path}: not TOML: byte {error.start} is not valid UTF-8; save the file as UTF-8"
         ) from error
-    return settings_from_toml(text, str(path))
+
+
+def _content(text: str, source: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(f"{source}: not TOML: {error}") from error
 
 
 def settings_from_toml(text: str, source: str = "settings") -> Method[Any]:
@@ -132,10 +173,7 @@ def settings_from_toml(text: str, source: str = "settings") -> Method[Any]:
         Invalid TOML, an unknown key, or a value of the wrong type or out of range; the message
         gives the key and the allowed values.
     """
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(f"{source}: not TOML: {error}") from error
+    content = _content(text, source)
     root = _Location(source)
     if _METHOD not in content:
         kinds = {type(method) for method in METHODS.values()}
@@ -146,6 +184,19 @@ def settings_from_toml(text: str, source: str = "settings") -> Method[Any]:
     if _CLASS in content:
         raise root.child(_CLASS).error(f"cannot be combined with {_METHOD}; remove one of the two")
     return _settings(content, type(METHODS[name]), METHODS[name], root)
+
+
+def settings_from_table(
+    content: dict[str, Any], method: Method[Any], source: str = "settings"
+) -> Method[Any]:
+    """Return a method with the settings of a TOML table; missing keys keep its own values.
+
+    Raises
+    ------
+    InvalidInput
+        As for `settings_from_toml`.
+    """
+    return _settings(content, type(method), method, _Location(source))
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +264,8 @@ def _value(given: Any, allows: Allowed, base: object, location: _Location) -> An
     if isinstance(given, str):
         if given == NONE and allows.is_optional:
             return None
+        if given in {kind.__name__ for kind in allows.classes}:
+            return _value({_CLASS: given}, allows, base, location)
         for members in (kind.__members__ for kind in allows.enums):
             if given in members:
                 return members[given]

@@ -37,6 +37,32 @@ def settings_text(settings: object) -> str:
     return "\n".join(lines) + "\n"
 
 
+def setting_text(settings: object, key: str) -> str:
+    """Return the TOML line of one setting, with its docstring as a comment above.
+
+    Parameters
+    ----------
+    settings : object
+        Settings of a method.
+    key : str
+        Path of the setting, such as ``"search.headings"``.
+
+    Raises
+    ------
+    AttributeError
+        The settings have no such path.
+    """
+    *path, name = key.split(".")
+    for part in path:
+        settings = getattr(settings, part)
+    kind = type(settings)
+    value, allows = getattr(settings, name), allowed(annotations_of(kind)[name])
+    lines = _comment(docstrings_of(kind).get(name), allows)
+    mark = "# " if value is None else ""
+    shown = type(value).__name__ if _is_table(value) else value
+    return "\n".join([*lines, f"{mark}{key} = {_plain(shown, _full_name(kind, name))}"]) + "\n"
+
+
 def _fields(settings: Any, base: object, path: str, with_comments: bool) -> Iterator[str]:
     """Yield the lines of all fields: plain values first, since a table ends at the next header."""
     kind: type = type(settings)
@@ -81,10 +107,13 @@ def _comment(text: str | None, allows: Allowed) -> list[str]:
     if text is None:
         return []
     sentences = [text]
-    if len(allows.classes) > 1:
-        sentences.append(f"One of {', '.join(kind.__name__ for kind in allows.classes)}.")
-    elif allows.choices:
-        sentences.append(f"One of {', '.join(allows.choices)}.")
+    names = [kind.__name__ for kind in allows.classes] or allows.choices
+    if allows.is_optional and (allows.scalars or allows.tuples):
+        sentences.append(f"Either {allows}.")
+    elif allows.is_optional:
+        sentences.append(f"One of {', '.join([*names, _quoted(NONE)])}.")
+    elif len(names) > 1:
+        sentences.append(f"One of {', '.join(names)}.")
     wrap = textwrap.TextWrapper(_COMMENT_WIDTH, initial_indent="# ", subsequent_indent="# ")
     return ["", *(line for sentence in sentences for line in wrap.wrap(sentence))]
 

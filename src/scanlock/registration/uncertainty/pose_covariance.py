@@ -103,22 +103,16 @@ class PoseCovariance:
             "blocks": None if math.isnan(self.blocks) else self.blocks,
         }
 
-    def as_text(self) -> str:
-        """Return the standard deviations along and about the source's axes, in mm and degrees."""
-        forward, left, up, *angles = np.sqrt(np.diag(self.in_source_frame()))
-        roll, pitch, yaw = np.degrees(angles)
-        return (
-            f"forward {1e3 * forward:.2g}, left {1e3 * left:.2g}, up {1e3 * up:.2g} mm; "
-            f"roll {roll:.2g}, pitch {pitch:.2g}, yaw {yaw:.2g} deg"
-        )
-
     def _jacobian_at(self, point: Vector) -> Matrix:
         """Return the (6, 6) derivative of the error at a point by that at the reference point."""
         offset = self.pose.rotation @ (point - self.reference_point)
         return Pose(np.eye(3), -offset).adjoint()
 
     def __repr__(self) -> str:
-        return f"PoseCovariance({self.method}: {self.as_text()})"
+        *lengths, roll, pitch, yaw = self.deviations
+        millimetres = ", ".join(f"{1e3 * one:.2g}" for one in lengths)
+        degrees = ", ".join(f"{math.degrees(one):.2g}" for one in (roll, pitch, yaw))
+        return f"PoseCovariance({self.method}: {millimetres} mm and {degrees} deg at one sigma)"
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(

@@ -96,7 +96,8 @@ def inflated(covariance: Matrix, rows: Labels, factor: float) -> Matrix:
     errors stays. The result is therefore the same for any reference point of the translation.
     """
     cross = covariance[:, rows]
-    predicted = cross @ np.linalg.solve(covariance[np.ix_(rows, rows)], cross.T)
+    # The pseudo-inverse, since identical scans have no scatter at all.
+    predicted = cross @ np.linalg.pinv(covariance[np.ix_(rows, rows)], hermitian=True) @ cross.T
     return covariance + (factor**2 - 1.0) * predicted
 
 

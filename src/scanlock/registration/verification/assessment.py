@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from scanlock.arrays import Vector, short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
 from scanlock.registration.verification.candidate import Candidate, agreement_ratio
@@ -35,12 +36,18 @@ class Assessment:
     shifted_score_ratio : float
         Best score of the source shifted along its least constrained directions, divided by the
         score at the pose; NaN if unknown.
+    overlap_centroid : (3,) or None [m]
+        Centroid of the surfaces that both scans share, in the target's local frame; None if they
+        share none.
     """
 
     metrics: Metrics
     observability: Observability | None
     runner_up_ratio: float = math.nan
     shifted_score_ratio: float = math.nan
+    overlap_centroid: Vector | None = None
+
+    __repr__ = short_repr
 
     @property
     def directions(self) -> tuple[DirectionObservability, ...]:
@@ -87,12 +94,13 @@ def assess_pose(
         for one in (() if observability is None else observability.directions[:2])
     ]
     has_plane = refinement.target_planes.has_plane
+    planes = concatenated([refinement.target_planes, refinement.source_planes])
     return Assessment(
         metrics=Metrics(
             overlap=chosen.overlap,
             target_overlap=chosen.target_overlap,
             score=chosen.score,
-            inlier_rmse=concatenated([refinement.target_planes, refinement.source_planes]).rmse,
+            inlier_rmse=planes.rmse,
             roughness=math.hypot(target.roughness, source.roughness) / math.sqrt(2.0),
             outlier_ratio=refinement.refined_planes.outlier_ratio,
             fitness=float(np.mean(has_plane)) if len(has_plane) else math.nan,
@@ -103,6 +111,7 @@ def assess_pose(
         observability=observability,
         runner_up_ratio=runner_up_ratio,
         shifted_score_ratio=_max_known(shifted),
+        overlap_centroid=planes.points.mean(axis=0) if len(planes.points) else None,
     )
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from scanlock.arrays import short_repr
 from scanlock.geometry.pose import Pose
 
 INITIAL = "initial pose"
@@ -44,6 +45,8 @@ class Candidate:
     target_overlap: float
     score: float
     free_space_violation: float
+
+    __repr__ = short_repr
 
     @property
     def agreement(self) -> float:

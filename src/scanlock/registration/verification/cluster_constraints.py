@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector, frozen
+from scanlock.arrays import Matrix, Points, Vector, frozen, short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hats
 from scanlock.models.gaussians import Gaussians
@@ -36,6 +36,8 @@ class ClusterConstraints:
 
     information: Matrix
     max_information: Matrix
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.information)

@@ -86,7 +86,7 @@ def decide_status(
             f"{facts}, but another pose has {metrics.runner_up_ratio:.0%} of its agreement; "
             "compare the candidates, or pass prior="
         )
-    return Status.OK, f"{solution.reason.value}; {facts}, probability {probability:.3f}"
+    return Status.OK, f"{facts}, probability {probability:.3f}"
 
 
 def _is_consistent(metrics: Metrics) -> bool:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from scanlock.arrays import Points, frozen
+from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.cell_list import CellList
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
@@ -67,6 +67,8 @@ class VerificationFeatures:
     notes: tuple[str, ...]
     cluster_constraints: ClusterConstraints
     self_score: float = field(init=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.query_points)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only, short_repr
 from scanlock.clouds.cell_list import CellList
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
@@ -54,6 +54,8 @@ class LocalPlanes:
     normal_covariances: NDArray[np.float64]
     flatness: Vector
     thickness: Vector
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for one in fields(self):

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from scanlock.arrays import short_repr
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Metrics:
@@ -64,3 +66,5 @@ class Metrics:
     refinement_shift: float = math.nan
     free_space_violation: float = math.nan
     runner_up_ratio: float = math.nan
+
+    __repr__ = short_repr

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Matrix, Vector, frozen
+from scanlock.arrays import Matrix, Vector, frozen, short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.cluster_constraints import (
     STEP_SLICES,
@@ -71,6 +71,8 @@ class DirectionObservability:
     deviation: float
     cluster_ratio: float = 0.0
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         frozen(self.axis)
 
@@ -114,6 +116,8 @@ class Observability:
 
     directions: tuple[DirectionObservability, ...]
     information: Matrix
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.information)

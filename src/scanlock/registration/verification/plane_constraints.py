@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector, frozen
+from scanlock.arrays import Matrix, Points, Vector, frozen, short_repr
 from scanlock.geometry.rotations import hats
 from scanlock.registration.verification.local_planes import LocalPlanes
 
@@ -66,6 +66,8 @@ class PlaneConstraints:
     jacobian: Matrix
     information: Matrix
     max_information: Matrix
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for one in fields(self):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Points, Vector, frozen, read_only
+from scanlock.arrays import Points, Vector, frozen, read_only, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import require_at_least, require_count, require_fraction
 from scanlock.geometry.pose import Pose
@@ -32,6 +32,8 @@ class RangeImage:
 
     ranges: NDArray[np.float64]
     settings: "RangeImager"
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         frozen(self.ranges)

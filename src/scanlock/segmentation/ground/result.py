@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scanlock.arrays import Mask, Vector, frozen
+from scanlock.arrays import Mask, Vector, frozen, short_repr
 
 
 class GroundStatus(enum.Enum):
@@ -57,6 +57,8 @@ class Ground:
     plane: Vector
     sensor_height: float
     sectors: int
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for array in (self.is_ground, self.is_below, self.height, self.plane):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.arrays import Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Matrix, Points, Vector, frozen, read_only, short_repr
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.kernels.simulation.ray_ground import TILE
 
@@ -37,6 +37,8 @@ class HeightField:
     corner: Vector
     cell: float
     tops: Matrix = field(init=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         require_positive("cell", self.cell, unit="m")

@@ -39,8 +39,9 @@ def test_two_files_are_compared_with_their_true_pose(scanlock, folder, tmp_path)
     assert len(rows) == 2 * 2 * 2
     assert {row["solved"] for row in rows} == {"1"}
     assert float(rows[-1]["initial rotation error [deg]"]) == 10.0
-    assert re.search(r"sgc-ndt-p2d: solved initial poses\n +error +0 deg +10 deg\n", done.out)
-    assert re.search(r"1 m +1 / 1 +1 / 1\n", done.out)
+    assert re.search(r"method +all +0 m +1 m +0 deg +10 deg\n", done.out)
+    assert re.search(r"sgc-ndt-p2d +4 / 4( +2 / 2){4}\n", done.out)
+    assert "without reading and compiling" in done.out
     for name in ("errors.png", "basin.svg"):
         assert (tmp_path / "figures" / name).is_file()
     assert "scan0.npy scan1.npy" in (tmp_path / "index.md").read_text()
@@ -77,6 +78,49 @@ def test_a_consensus_replaces_missing_poses(scanlock, folder, tmp_path):
     assert done.code == 0
     assert len(_table(tmp_path / "tables" / "basin.csv")) == 8
     assert "are a consensus of the methods" in (tmp_path / "index.md").read_text()
+    assert "differences from the pose that most other methods agree on" in done.out
+    errors = [float(row["median [m]"]) for row in _table(tmp_path / "tables" / "errors.csv")]
+    # No method is compared with itself.
+    assert errors[0] > 0.0
+    assert errors[0] == pytest.approx(errors[1], rel=1e-9)
+
+
+def test_agreement_has_no_starts_unless_they_are_asked_for(scanlock, folder, tmp_path):
+    done = scanlock(
+        "compare", folder / "drive", "--agree", "--pairs", "1", *_FAST[:3], "-o", tmp_path
+    )
+    assert done.code == 0
+    assert not (tmp_path / "tables" / "basin.csv").exists()
+    assert len(done.out.splitlines()) < 8
+
+
+def test_the_page_of_another_comparison_is_not_replaced(scanlock, folder, tmp_path):
+    arguments = ["compare", folder / "drive", "--pairs", "1", *_FAST[:3], "-o", tmp_path / "out"]
+    first = scanlock(*arguments)
+    page = (tmp_path / "out" / "index.md").read_bytes()
+    records = (tmp_path / "out" / "records.jsonl").read_bytes()
+    refused = scanlock(*arguments, "--agree")
+    assert (refused.code, refused.out) == (1, "")
+    assert "another comparison (agree was False, is True); use another folder" in refused.err
+    assert (tmp_path / "out" / "index.md").read_bytes() == page
+    # The same command prints the same again, with the times of the first run.
+    assert scanlock(*arguments).out == first.out
+    assert (tmp_path / "out" / "index.md").read_bytes() == page
+    assert "-" not in first.out.splitlines()[2].split()[-1]
+    assert scanlock(*arguments, "--agree", "--overwrite").code == 0
+    assert (tmp_path / "out" / "index.md").read_bytes() != page
+    assert (tmp_path / "out" / "records.jsonl").read_bytes() == records
+
+
+def test_a_setting_is_changed_in_every_method(scanlock, folder, tmp_path):
+    arguments = ["compare", folder / "drive", "--pairs", "1", "--methods", "icp", "gicp"]
+    done = scanlock(*arguments, "--set", "voxel_size=0.8", "--threads", "2", "-o", tmp_path)
+    assert (done.code, done.err) == (0, "")
+    for name in ("icp", "gicp"):
+        assert read_settings(tmp_path / "settings" / f"{name}.toml").voxel_size == 0.8
+    done = scanlock(*arguments, "--set", "search.voxel_sizes=[1]", "-o", tmp_path / "out")
+    assert "--set for icp: search" in done.err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow
@@ -92,10 +136,14 @@ def test_results_are_reproducible_and_read_from_disk_if_present(scanlock, folder
     ]
     for name in ("one", "two", "one"):
         done = scanlock(*arguments, "-o", tmp_path / name)
-    # The third run reads all records from disk, and records have no run times.
-    assert re.search(r"sgc-ndt-d2d .* -\n", done.out)
+    # The third run reads all records and their times from disk.
+    assert re.search(r"sgc-ndt-d2d .* \d+\n", done.out)
     files = [
-        {path.relative_to(tmp_path / name): path.read_bytes() for path in found if path.is_file()}
+        {
+            path.relative_to(tmp_path / name): path.read_bytes()
+            for path in found
+            if path.is_file() and path.name != "times.jsonl"
+        }
         for name in ("one", "two")
         for found in [sorted((tmp_path / name).rglob("*"))]
     ]

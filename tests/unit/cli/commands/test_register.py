@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scanlock.geometry.pose import Pose
-from scanlock.io import read_pose
+from scanlock.io import read_pose, read_scan, write_scan
 from scanlock.simulation import hdl_32e, simulate_scan
 from scanlock.simulation.scenes.look_alikes import corridor
 
@@ -37,30 +37,30 @@ def test_status_and_pose_are_printed_first_and_details_with_verbose(scanlock, pa
     lines = done.out.splitlines()
     assert lines[0] == "ok  source onto target"
     joined = " ".join(done.out.split())
-    assert f"source {pair[0]}, 6,000 points (moves)" in joined
-    assert f"target {pair[1]}, 6,000 points (stays)" in joined
-    for name in (
-        "reason",
-        "translation",
-        "rotation",
-        "probability",
-        "pose",
-        "time",
-    ):
-        assert any(line.strip().startswith(f"{name}  ") for line in lines)
+    names = ["accuracy", "translation", "rotation", "overlap", "time"]
+    assert [line.split()[0] for line in lines if re.match(r"  \w", line)] == names
+    assert re.search(r"accuracy right with 99\.\d%; .* mm and .* deg at one sigma, weakest", joined)
+    # Not indented, to copy into another tool.
+    start = lines.index("target from source [m]:") + 1
+    matrix = np.array([line.split() for line in lines[start : start + 4]], float)
+    exact = json.loads(scanlock("register", *pair, "--json").out)["target_from_source"]
+    np.testing.assert_allclose(matrix, exact, atol=6e-6)
     [turned] = [line.split() for line in lines if line.split()[:1] == ["rotation"]]
     assert (float(turned[1]), turned[2]) == (pytest.approx(np.degrees(0.15), abs=0.5), "deg:")
     assert "\x1b" not in done.out
     assert "inlier rmse" not in done.out
     details = " ".join(scanlock("register", *pair, "-v").out.split())
-    for name in ("method", "overlap", "score", "inlier rmse", "candidates"):
+    assert f"source {pair[0]}, 6,000 points (moves)" in details
+    assert f"target {pair[1]}, 6,000 points (stays)" in details
+    assert re.search("deviations forward .* left .* up .* mm; roll .* pitch .* yaw .* deg", details)
+    for name in ("reason", "method", "overlap", "score", "inlier rmse", "candidates"):
         assert f" {name} " in details
     for stage in ("check", "ground", "clusters", "cells", "align", "verification", "read"):
         assert f" {stage} " in details
 
 
 def test_all_pose_files_have_full_precision(scanlock, pair, tmp_path):
-    files = [tmp_path / "new" / f"pose{ending}" for ending in (".txt", ".npy", ".json")]
+    files = [tmp_path / f"pose{ending}" for ending in (".txt", ".npy", ".json")]
     printed = json.loads(scanlock("register", *pair, "--json", "-o", files[0]).out)
     for path in files[1:]:
         assert scanlock("register", *pair, "-o", path).code == 0
@@ -116,23 +116,34 @@ def test_a_narrow_prior_keeps_the_initial_pose_and_a_wide_one_does_not(scanlock,
     [
         (("0", "1"), "--prior must be positive, got 0.0 m"),
         (("1", "-2"), "--prior must be positive, got -2.0 deg"),
+        (("1", "2"), "--prior needs --initial, the pose whose deviations it states"),
     ],
 )
-def test_a_prior_without_deviation_is_refused(scanlock, pair, prior, message):
+def test_a_prior_without_deviation_or_pose_is_refused(scanlock, pair, prior, message):
     done = scanlock("register", *pair, "--prior", *prior)
     assert (done.code, done.out) == (1, "")
     assert message in done.err
 
 
-def test_the_covariance_is_printed_on_request(scanlock, pair):
-    done = scanlock("register", *pair, "--covariance", "sandwich", "--json")
-    covariance = json.loads(done.out)["covariance"]
-    assert (done.code, covariance["method"]) == (0, "sandwich")
-    assert np.linalg.eigvalsh(covariance["matrix"]).min() > 0.0
-    printed = scanlock("register", *pair, "--covariance", "sandwich").out
-    assert "deviation" in printed
-    assert "forward" in printed
-    assert json.loads(scanlock("register", *pair, "--json").out)["covariance"] is None
+def test_the_word_identity_is_an_initial_pose(scanlock, pair):
+    options = ("--initial", "identity", "--prior", "1e-5", "1e-4", "--json")
+    matrix = json.loads(scanlock("register", *pair, *options).out)["target_from_source"]
+    assert np.abs(np.array(matrix) - np.eye(4)).max() < 1e-3
+
+
+def test_options_have_no_empty_form(scanlock, pair):
+    done = scanlock("register", *pair, "--empty-prior")
+    assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+    assert "--empty-prior" in done.err
+
+
+def test_the_covariance_is_estimated_unless_switched_off(scanlock, pair):
+    found = json.loads(scanlock("register", *pair, "--json").out)
+    assert found["covariance"]["method"] == "sandwich"
+    assert np.linalg.eigvalsh(found["covariance"]["matrix"]).min() > 0.0
+    assert found["accuracy"]["translation_m"].keys() == {"forward", "left", "up"}
+    without = scanlock("register", *pair, "--covariance", "none", "--json").out
+    assert json.loads(without)["covariance"] is None
 
 
 def test_fix_degenerate_keeps_the_initial_pose_along_a_corridor(scanlock, tmp_path):
@@ -202,7 +213,7 @@ def test_rows_without_a_return_are_ignored(scanlock, scans):
     matrix = np.array(json.loads(done.out)["target_from_source"])
     assert np.abs(matrix - np.eye(4)).max() < 0.02
     text = " ".join(
-        scanlock("register", scans / "invalid_rows.pcd", scans / "target.npy").out.split()
+        scanlock("register", scans / "invalid_rows.pcd", scans / "target.npy", "-v").out.split()
     )
     assert "6,000 points, 600 of them blank (0, 0, 0) (moves)" in text
 
@@ -212,24 +223,27 @@ def test_motion_in_map_coordinates_is_that_of_the_centroid(scanlock, scans, tmp_
     for name in ("source", "target"):
         np.save(tmp_path / f"{name}.npy", np.load(scans / f"{name}.npy") + far)
     done = scanlock("register", tmp_path / "source.npy", tmp_path / "target.npy", "-o",
-                    tmp_path / "pose.txt")  # fmt: skip
+                    tmp_path / "pose.txt", "-v")  # fmt: skip
     assert done.code == 0
     moved = next(line for line in done.out.splitlines() if line.split()[:1] == ["translation"])
     assert float(moved.split()[1]) < 4.0
     joined = " ".join(done.out.split())
     assert "at the centroid, 50" in joined
+    # Deviations of millimetres at the scene, not those at the far zero of the map.
+    [east, north, up] = re.search("east (.*), north (.*), up (.*) mm; about east", joined).groups()
+    assert max(float(east), float(north), float(up)) < 100.0
     scan = np.load(tmp_path / "source.npy")
     transformed = read_pose(tmp_path / "pose.txt").apply(scan)
     truth = Pose.from_matrix(np.load(scans / "truth.npy"))
     expected = truth.apply(np.load(scans / "source.npy")) + far
     assert np.abs(transformed - expected).max() < 0.3
     # The printed matrix, applied by another tool in double precision.
-    matrix_text = joined.split("target from source: rotation and translation [m] ")[1].split()[:12]
-    printed = np.array(matrix_text, float).reshape(3, 4)
+    matrix_text = joined.split("target from source [m]: ")[1].split()[:16]
+    printed = np.array(matrix_text, float).reshape(4, 4)[:3]
     assert np.abs(scan @ printed[:, :3].T + printed[:, 3] - transformed).max() < 1e-3
-    origins = joined.split("about the origins ")[1]
+    origins = joined.split("between source and target minus ")[1]
     numbers = re.findall(r"-?[\d.]+", origins)[:18]
-    target_origin, source_origin = np.array(numbers[:6], float).reshape(2, 3)
+    source_origin, target_origin = np.array(numbers[:6], float).reshape(2, 3)
     local = np.array(numbers[6:], float).reshape(3, 4)
     moved = (scan - source_origin) @ local[:, :3].T + local[:, 3] + target_origin
     assert np.abs(moved - transformed).max() < 1e-3
@@ -237,7 +251,7 @@ def test_motion_in_map_coordinates_is_that_of_the_centroid(scanlock, scans, tmp_
 
 @pytest.mark.slow
 def test_a_picture_is_drawn(scanlock, pair, tmp_path):
-    path = tmp_path / "new" / "pair.png"
+    path = tmp_path / "pair.png"
     done = scanlock("register", *pair, "--picture", path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert done.out.endswith(f"wrote {path}\n")
@@ -359,3 +373,116 @@ def test_a_folder_that_cannot_be_created_is_an_error_of_one_line(scanlock, pair,
     (tmp_path / "file").touch()
     done = scanlock("register", *pair, "-o", tmp_path / "file" / "pose.txt")
     assert (done.code, done.out, done.err.count("\n")) == (1, "", 1)
+
+
+@pytest.fixture(scope="module")
+def cars(scans, tmp_path_factory):
+    """The pair as PLY files with fields, and rows without a return."""
+    folder = tmp_path_factory.mktemp("fields")
+    rng = np.random.default_rng(0)
+    for name in ("source", "target"):
+        points = np.load(scans / f"{name}.npy")
+        points[::100] = 0.0
+        normals = rng.normal(size=points.shape).astype(np.float32)
+        fields = {"intensity": rng.uniform(size=len(points)).astype(np.float32)}
+        fields |= dict(zip(("nx", "ny", "nz"), normals.T, strict=True))
+        write_scan(folder / f"{name}.ply", points, fields)
+    return folder / "source.ply", folder / "target.ply"
+
+
+@pytest.mark.parametrize("ending", [".ply", ".pcd", ".las", ".npz", ".xyz"])
+def test_aligned_and_merged_clouds_keep_every_field(scanlock, cars, tmp_path, ending):
+    aligned, merged = tmp_path / f"aligned{ending}", tmp_path / f"merged{ending}"
+    done = scanlock("register", *cars, "-o", tmp_path / "pose.txt", "--aligned", aligned,
+                    "--merged", merged)  # fmt: skip
+    assert (done.code, done.err) == (0, "")
+    pose, source = read_pose(tmp_path / "pose.txt"), read_scan(cars[0])
+    rows = (source.points != 0.0).any(axis=1)
+    moved, both = read_scan(aligned), read_scan(merged)
+    expected = pose.apply(source.points[rows])
+    np.testing.assert_allclose(moved.points, expected, atol=1e-4)
+    normals = np.stack([moved.fields[name] for name in ("nx", "ny", "nz")], axis=1)
+    before = np.stack([source.fields[name][rows] for name in ("nx", "ny", "nz")], axis=1)
+    np.testing.assert_allclose(normals, before @ pose.rotation.T, rtol=1e-4, atol=1e-5)
+    intensity = "intensity_float" if ending == ".las" else "intensity"
+    np.testing.assert_allclose(moved.fields[intensity], source.fields["intensity"][rows])
+    numbers = np.asarray(both.fields["scan"])
+    np.testing.assert_allclose(both.points[numbers == 1], expected, atol=1e-4)
+    assert (numbers == 0).sum() == (read_scan(cars[1]).points != 0.0).any(axis=1).sum()
+    colours = {"rgb"} if ending == ".pcd" else {"red", "green", "blue"}
+    assert colours | {intensity} <= set(both.fields)
+
+
+def test_a_pose_that_is_not_verified_is_written_only_where_it_can_say_so(scanlock, scans, tmp_path):
+    files = {ending: tmp_path / f"pose{ending}" for ending in (".txt", ".npy", ".json")}
+    cloud = tmp_path / "aligned.ply"
+    pair = scans / "elsewhere.npy", scans / "target.npy"
+    options = ("--method", "icp")
+    for path in files.values():
+        done = scanlock("register", *pair, *options, "-o", path, "--aligned", cloud)
+        assert done.code == 2
+        assert f"left out {cloud}" in done.out
+    assert not cloud.exists()
+    assert files[".txt"].read_text().startswith("# not verified: ")
+    assert not files[".npy"].exists()
+    assert json.loads(files[".json"].read_text())["status"] != "ok"
+    refused = scanlock("apply", files[".txt"], scans / "elsewhere.npy", "-o", cloud)
+    assert (refused.code, cloud.exists()) == (1, False)
+    assert "--force" in refused.err
+    forced = scanlock("apply", files[".txt"], scans / "elsewhere.npy", "-o", cloud, "--force")
+    assert (forced.code, cloud.exists()) == (0, True)
+    again = scanlock("register", *pair, *options, "-o", files[".npy"], "--force")
+    assert (again.code, files[".npy"].exists()) == (2, True)
+
+
+def test_without_correspondences_no_pose_is_printed_or_written(scanlock, scans, tmp_path):
+    flat = np.random.default_rng(0).uniform(-20.0, 20.0, (3000, 3)) * [1.0, 1.0, 0.0]
+    np.save(tmp_path / "flat.npy", flat)
+    path = tmp_path / "pose.txt"
+    pair = tmp_path / "flat.npy", scans / "target.npy"
+    done = scanlock("register", *pair, "--method", "sgc-ndt-d2d", "-o", path)
+    assert (done.code, path.exists()) == (2, False)
+    assert done.out.startswith("no correspondences  ")
+    assert "target from source" not in done.out
+    assert f"left out {path}: the pose is not verified (no correspondences)" in done.out
+
+
+@pytest.mark.parametrize("option", ["-o", "--aligned", "--merged", "--picture"])
+def test_a_missing_folder_is_refused_before_the_work(scanlock, tmp_path, option):
+    name = {"-o": "pose.txt", "--picture": "pair.png"}.get(option, "cloud.ply")
+    path = tmp_path / "new" / name
+    done = scanlock("register", "nowhere.bin", "nowhere.bin", option, path)
+    assert (done.code, path.parent.exists()) == (1, False)
+    assert f"{path.parent} is no folder" in done.err
+
+
+def test_an_output_over_an_input_or_another_output_is_refused(scanlock, cars, tmp_path):
+    over = scanlock("register", *cars, "--aligned", cars[0])
+    assert (over.code, over.out) == (1, "")
+    assert "would be overwritten" in over.err
+    path = tmp_path / "both.ply"
+    twice = scanlock("register", *cars, "--aligned", path, "--merged", path)
+    assert (twice.code, path.exists()) == (1, False)
+    assert "two outputs" in twice.err
+
+
+def test_a_report_is_one_page_with_outcome_accuracy_pictures_and_settings(scanlock, cars, tmp_path):
+    path = tmp_path / "report.html"
+    done = scanlock("register", *cars, "--report", path, "--method", "gicp")
+    assert done.out.endswith(f"wrote {path}\n")
+    page = path.read_text("utf-8")
+    for expected in (
+        "source.ply onto target.ply",
+        "<strong>ok</strong>",
+        "at one sigma",
+        "by axis",
+        "pose",
+        "[search]",
+        "max_correspondence_distances",
+    ):
+        assert expected in page
+    assert page.count("data:image/png;base64,") == 2
+    assert "http" not in page
+    again = tmp_path / "again.html"
+    scanlock("register", *cars, "--report", again, "--method", "gicp")
+    assert again.read_bytes() == path.read_bytes()

@@ -6,6 +6,7 @@ import pytest
 
 from reference.studies import METHOD, contender, toy_series
 from scanlock.cli.commands import reproduce as command
+from scanlock.experiments import claims
 from scanlock.experiments import reproduce as module
 from scanlock.experiments.paper_methods import D2D, P2D
 from scanlock.io import write_kitti_poses, write_scan
@@ -29,6 +30,7 @@ def toys(monkeypatch):
         for name, experiment in module.EXPERIMENTS.items()
     }
     monkeypatch.setattr(module, "EXPERIMENTS", toys)
+    monkeypatch.setattr(claims, "MIN_PAIRS", 3)
     return calls
 
 
@@ -51,13 +53,22 @@ def test_the_page_is_written_and_the_results_are_printed(scanlock, toys, tmp_pat
 
 
 @pytest.mark.slow
-def test_a_second_run_reads_records_without_run_times(scanlock, toys, tmp_path):
-    scanlock("reproduce", "urban", "-o", tmp_path)
+def test_a_second_run_reads_records_and_times(scanlock, toys, tmp_path):
+    first = scanlock("reproduce", "urban", "-o", tmp_path)
     page = (tmp_path / "index.md").read_bytes()
     done = scanlock("reproduce", "urban", "-o", tmp_path)
+    assert done.out == first.out
     [row] = [line.split() for line in done.out.splitlines() if line.strip().startswith(D2D)]
-    assert row[-1] == "-"
+    assert float(row[-1]) > 0.0
     assert (tmp_path / "index.md").read_bytes() == page
+
+
+@pytest.mark.slow
+def test_claims_on_a_few_pairs_are_not_judged(scanlock, toys, tmp_path, monkeypatch):
+    monkeypatch.setattr(claims, "MIN_PAIRS", 10)
+    done = scanlock("reproduce", "urban", "-o", tmp_path)
+    assert "too few pairs to judge: 3, at least 10 needed" in " ".join(done.out.split())
+    assert "does not hold" not in done.out
 
 
 @pytest.mark.slow

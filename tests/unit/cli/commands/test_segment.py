@@ -6,7 +6,8 @@ import pytest
 from scanlock import segment
 from scanlock.cli.commands.segment import semantic_kitti_labels
 from scanlock.errors import InvalidInput
-from scanlock.io import read_labels, read_scan, write_scan
+from scanlock.io import CoordinateSystem, ScanFile, read_labels, read_scan, write_scan
+from scanlock.report.label_colours import label_colours
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +20,7 @@ def expected(scans):
 
 @pytest.mark.parametrize("ending", [".npy", ".txt", ".csv"])
 def test_labels_follow_the_rows_of_the_file(scanlock, scans, tmp_path, expected, ending):
-    path = tmp_path / "new" / f"labels{ending}"
+    path = tmp_path / f"labels{ending}"
     done = scanlock("segment", scans / "invalid_rows.pcd", "-o", path)
     assert (done.code, done.err) == (0, "")
     labels = read_labels(path, count=6000)
@@ -73,7 +74,7 @@ def test_an_existing_label_field_is_kept(scanlock, scans, tmp_path):
     done = scanlock("segment", first, "-o", second)
     fields = read_scan(second).fields
     np.testing.assert_array_equal(fields["label"], fields["scanlock_label"])
-    assert "a field scanlock_label" in done.out
+    assert "field scanlock_label: 0 ground" in done.out
 
 
 def test_the_summary_counts_every_row_once(scanlock, scans, expected):
@@ -101,7 +102,7 @@ def test_a_scan_without_ground_is_reported(scanlock, tmp_path):
 
 
 def test_a_picture_is_drawn(scanlock, scans, tmp_path):
-    path = tmp_path / "new" / "scan.svg"
+    path = tmp_path / "scan.svg"
     done = scanlock("segment", scans / "invalid_rows.pcd", "--picture", path)
     assert path.read_text().startswith("<?xml")
     assert done.out.endswith(f"wrote {path}\n")
@@ -121,6 +122,87 @@ def test_the_input_scan_is_never_overwritten(scanlock, tmp_path):
     assert done.code == 1
     assert "would be overwritten; use another name" in done.err
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("option", ["-o", "--picture"])
+def test_no_folder_is_made(scanlock, scans, tmp_path, option):
+    path = tmp_path / "new" / ("scan.ply" if option == "-o" else "scan.png")
+    done = scanlock("segment", scans / "target.npy", option, path)
+    assert done.code == 1
+    assert f"{path.parent} is no folder" in done.err
+    assert not path.parent.exists()
+
+
+def test_settings_change_the_segmentation(scanlock, scans, tmp_path):
+    path = tmp_path / "mine.toml"
+    assert scanlock("settings", "segment", "-o", path).code == 0
+    plain = scanlock("segment", scans / "target.npy", "--json").out
+    assert scanlock("segment", scans / "target.npy", "--json", "--settings", path).out == plain
+    path.write_text("[clusters]\nmin_points = 200\n")
+    few = json.loads(scanlock("segment", scans / "target.npy", "--json", "--settings", path).out)
+    assert few["clusters"] < json.loads(plain)["clusters"]
+    path.write_text("[clusters]\nmin_pionts = 200\n")
+    done = scanlock("segment", scans / "target.npy", "--settings", path)
+    assert (done.code, "did you mean min_points?" in done.err) == (1, True)
+
+
+def test_the_labels_do_not_depend_on_the_number_of_threads(scanlock, scans):
+    runs = [scanlock("segment", scans / "target.npy", "--json", "--threads", n) for n in (1, 3)]
+    assert runs[0].out == runs[1].out
+    done = scanlock("segment", scans / "target.npy", "--threads", 0)
+    assert (done.code, "threads" in done.err) == (1, True)
+
+
+@pytest.mark.parametrize("ending", [".ply", ".pcd"])
+def test_colours_follow_the_labels(scanlock, scans, tmp_path, ending):
+    path = tmp_path / f"scan{ending}"
+    scanlock("segment", scans / "invalid_rows.pcd", "-o", path)
+    scan = read_scan(path)
+    if ending == ".pcd":
+        packed = scan.fields["rgb"].view(np.uint32)
+        colours = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1)
+    else:
+        colours = np.stack([scan.fields[name] for name in ("red", "green", "blue")], axis=1)
+    np.testing.assert_array_equal(colours, label_colours(scan.fields["label"]))
+    assert len(np.unique(colours, axis=0)) > 10
+    scanlock("segment", scans / "invalid_rows.pcd", "-o", path, "--no-colours")
+    assert set(read_scan(path).fields) == {"intensity", "label"}
+
+
+def _airborne(path, points, is_ground):
+    """Write a classified LAS 1.2 file in feet."""
+    crs = CoordinateSystem.from_wkt('PROJCS["x",UNIT["foot",0.3048],AUTHORITY["EPSG","2994"]]')
+    classes = np.where(is_ground, 2, 5).astype(np.uint8)
+    classes[:40] = 7
+    scan = ScanFile(points=points, fields={"classification": classes}, format="las", crs=crs)
+    write_scan(path, scan)
+    return classes
+
+
+def test_ground_is_class_2_of_las(scanlock, scans, tmp_path):
+    pytest.importorskip("laspy")
+    points = np.load(scans / "target.npy")
+    is_ground = segment(points).is_ground
+    # One ground point in ten is called something else by the file.
+    classes = _airborne(tmp_path / "a.las", points, is_ground & (np.arange(len(points)) % 10 > 0))
+    done = scanlock("segment", tmp_path / "a.las", "-o", tmp_path / "b.laz")
+    assert (done.code, done.err) == (0, "")
+    after = read_scan(tmp_path / "b.laz")
+    labels = after.fields["label"]
+    np.testing.assert_array_equal(after.fields["classification"], np.where(labels == 0, 2, 1))
+    np.testing.assert_array_equal(after.fields["original_classification"], classes)
+    assert (after.crs.epsg, after.crs.horizontal_unit) == (2994, "foot")
+    summary = json.loads(scanlock("segment", tmp_path / "a.las", "--json").out)["file_ground"]
+    used = classes != 7
+    stated, found = classes[used] == 2, labels[used] == 0
+    assert summary["points"] == stated.sum()
+    assert summary["agreement"] == pytest.approx((stated == found).mean())
+    assert summary["precision"] == pytest.approx(0.9, abs=0.03)
+    assert summary["recall"] > 0.97
+    text = " ".join(done.out.split())
+    assert f"class 2 {summary['points']:,} points of the file: " in text
+    assert "note converted to metres from foot (0.3048 m)" in text
+    assert "class 2" not in scanlock("segment", scans / "target.npy").out
 
 
 @pytest.mark.parametrize("value", [np.nan, 0.0])

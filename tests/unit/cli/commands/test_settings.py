@@ -1,14 +1,40 @@
 import json
+from dataclasses import replace
 
+import pytest
+
+from scanlock import AnnealedStart, InvalidInput
+from scanlock.cli.method_option import chosen_method
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 from scanlock.registration.settings.file import settings_from_toml
 
 
-def test_printed_settings_equal_those_of_the_method(scanlock):
+@pytest.mark.parametrize("options", [[], ["--all"]])
+def test_printed_settings_equal_those_of_the_method(scanlock, options):
     for name, method in METHODS.items():
-        done = scanlock("settings", name)
+        done = scanlock("settings", name, *options)
         assert done.code == 0
         assert settings_from_toml(done.out) == method
+
+
+def test_the_first_settings_fit_on_a_screen(scanlock):
+    short, whole = (scanlock("settings", "auto", *more).out for more in ([], ["--all"]))
+    assert len(short.splitlines()) < 50 < len(whole.splitlines())
+    assert "scanlock settings auto --all" in short
+    assert "search.headings = 92" in short
+
+
+def test_single_settings_are_changed_on_the_command_line(scanlock, scans, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('method = "icp"\nneighbours = 12\n')
+    changes = ["voxel_size=0.4", "annealing=AnnealedStart", "annealing.seed=7"]
+    expected = replace(
+        METHODS["icp"], neighbours=12, voxel_size=0.4, annealing=AnnealedStart(seed=7)
+    )
+    assert chosen_method(None, path, changes) == expected
+    assert chosen_method("icp", None) == "icp"
+    with pytest.raises(InvalidInput, match=r"--set: voxelsize is not .*; did you mean voxel_size"):
+        chosen_method("icp", None, ["voxelsize=1"])
 
 
 def test_written_settings_can_be_used_in_a_registration(scanlock, scans, tmp_path):

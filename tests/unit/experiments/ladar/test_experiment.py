@@ -25,6 +25,7 @@ from scanlock.experiments.ladar.series import (
 from scanlock.experiments.reproduce import reproduce
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyPair, StudyTask
+from scanlock.pipelines.study_records import TIMES
 from scanlock.registration.methods.icp import Icp
 from scanlock.simulation import FacetLadar
 
@@ -78,6 +79,8 @@ def test_starts_equal_those_of_the_paper():
 def test_the_same_experiment_gives_the_same_bytes(terrain, done, tmp_path):
     reproduce(_with_two(), terrain, tmp_path)
     for path in sorted(done.page.parent.rglob("*.*")):
+        if path.name == TIMES:
+            continue
         assert path.read_bytes() == (tmp_path / path.relative_to(done.page.parent)).read_bytes()
 
 
@@ -96,7 +99,7 @@ def test_the_page_has_the_four_rows_with_the_numbers_of_the_paper(done):
     for name in ("range-images", "registration", "distances"):
         assert f"(figures/{name}.png)" in page
     assert "two frames of each of four drives" in page
-    assert page.count("holds here") + page.count("does not hold here") == 6
+    assert page.count("cannot be decided here: too few places to judge: 1, at least 10") == 6
 
 
 def test_the_mean_distance_of_the_published_icp_equals_its_own_report(done):

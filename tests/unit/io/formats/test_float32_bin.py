@@ -119,3 +119,65 @@ def test_the_writer_refuses_other_fields_and_large_coordinates(tmp_path):
     with pytest.raises(InvalidInput, match="round coordinates by up to inf"):
         write_scan(path, np.full((3, 3), 1e40))
     assert not path.exists()
+
+
+def _with_columns(room_scan, *columns):
+    points = room_scan()[::4]
+    rng = np.random.default_rng(5)
+    more = {
+        "intensity": lambda: rng.random(len(points)),
+        "ring": lambda: rng.integers(0, 16, len(points)),
+        "time": lambda: np.linspace(0.0, 0.1, len(points)),
+        "colour": lambda: rng.integers(0, 256, len(points)),
+        "light": lambda: rng.random(len(points)),
+    }
+    parts = [points[:, "xyz".index(name)] if name in "xyz" else more[name]() for name in columns]
+    return np.stack(parts, axis=1).astype("<f4")
+
+
+@pytest.mark.parametrize(
+    ("colour", "rows"), [("colour", 1440), ("colour", 1439), ("colour", 60), ("light", 1440)]
+)
+def test_rows_with_three_colours_are_recognised(room_scan, save, colour, rows):
+    table = _with_columns(room_scan, "x", "y", "z", colour, colour, colour)[:rows]
+    scan = read_scan(save("a.bin", table.tobytes()))
+    assert np.array_equal(scan.points, table[:, :3].astype(np.float64))
+    assert list(scan.fields) == ["red", "green", "blue"]
+    assert "6 float32 columns guessed from the values" in scan.notes[0]
+
+
+def test_rows_of_nuscenes_have_a_ring_and_rows_with_times_have_none(room_scan, save):
+    table = _with_columns(room_scan, "x", "y", "z", "colour", "ring")
+    assert list(read_scan(save("a.bin", table[:12].tobytes())).fields) == ["intensity", "ring"]
+    timed = _with_columns(room_scan, "x", "y", "z", "intensity", "time")
+    assert list(read_scan(save("a.bin", timed.tobytes())).fields) == ["intensity", "column_5"]
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["intensity", "ring", "time"],
+        ["intensity", "colour", "colour", "colour"],
+        ["intensity", "ring", "time", "light", "colour"],
+    ],
+)
+@pytest.mark.parametrize("rows", [1440, 1439, 1438])
+def test_rows_of_unknown_columns_are_refused(room_scan, save, more, rows):
+    table = _with_columns(room_scan, "x", "y", "z", *more)[:rows]
+    path = save("a.bin", table.tobytes())
+    with pytest.raises(FormatError, match=f"found rows of {len(more) + 3} float32"):
+        read_scan(path)
+    assert len(read_scan(path, columns=len(more) + 3)) == rows
+
+
+@pytest.mark.parametrize("first", ["intensity", "ring", "time"])
+def test_rows_that_do_not_begin_with_x_are_refused(room_scan, save, first):
+    table = _with_columns(room_scan, first, "x", "y", "z")
+    path = save("a.bin", table.tobytes())
+    with pytest.raises(FormatError, match="expected x, y, z in the first three columns"):
+        read_scan(path)
+    scan = read_scan(path, columns="_ x y z")
+    assert np.array_equal(scan.points, table[:, 1:].astype(np.float64))
+    assert list(scan.fields) == []
+    with pytest.raises(InvalidInput, match="name every column of a row in order"):
+        read_scan(path, columns="x=2 y=3 z=4")

@@ -146,3 +146,16 @@ def test_archives_without_points_are_refused(save):
 def test_reserved_names_are_not_written(tmp_path):
     with pytest.raises(InvalidInput, match="cannot be named points"):
         write_scan(tmp_path / "a.npz", _POINTS, {"points": np.arange(6)})
+
+
+def test_columns_of_structured_arrays_are_chosen_by_name(save):
+    table = np.zeros(6, dtype=[("t", "<u8"), ("east", "f4"), ("north", "f4"), ("h", "f4")])
+    table["north"] = 7
+    path = save("a.npy", _npy(table))
+    scan = read_scan(path, columns="x=east y=north z=h")
+    assert scan.points[:, 1].tolist() == [7] * 6
+    assert list(scan.fields) == []
+    archive = save("a.npz", _npz(east=table["east"], north=table["north"], h=table["h"]))
+    assert np.array_equal(read_scan(archive, columns="x=east y=north z=h").points, scan.points)
+    with pytest.raises(InvalidInput, match="must be names of a NumPy file with named columns"):
+        read_scan(path, columns=4)

@@ -165,8 +165,8 @@ def test_viewpoint_is_the_pose_of_the_sensor(save):
         ("WIDTH 2", "WIDTH -2", "line 7 \\(WIDTH\\)"),
         ("WIDTH 2", "WIDTH " + "9" * 5000, "line 7 \\(WIDTH\\)"),
         ("WIDTH 2", "WIDTH 0", "WIDTH x HEIGHT = 0"),
-        ("WIDTH 2\nHEIGHT 1", "WIDTH 0\nHEIGHT 0", "WIDTH x HEIGHT = 0"),
-        ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 0 0 0 0", "unit quaternion"),
+        ("WIDTH 2\nHEIGHT 1", "WIDTH 0\nHEIGHT 2", "WIDTH x HEIGHT = 0"),
+        ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 0 0 0 2", "unit quaternion"),
         ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 nan 1 0 0 0", "unit quaternion"),
         ("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 0 0 0 1", "line 9 \\(VIEWPOINT\\)"),
         ("DATA ascii", "DATA zipped", "ascii, binary, binary_compressed"),
@@ -226,6 +226,28 @@ def test_names_types_and_heights_beyond_the_header_are_not_written(tmp_path):
     assert not path.exists()
 
 
-def test_columns_are_refused(save):
-    with pytest.raises(InvalidInput, match="columns must not be given for PCD"):
-        read_scan(save("a.pcd", _ASCII), columns=3)
+@pytest.mark.parametrize("size", ["WIDTH 0\nHEIGHT 0\n", "", "HEIGHT 1\n"])
+def test_points_without_a_size_of_the_image_are_one_row(save, size):
+    scan = read_scan(save("a.pcd", _ASCII.replace("WIDTH 2\nHEIGHT 1\n", size)))
+    assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert (scan.width, scan.height) == (2, 1)
+    assert "all POINTS read as one row" in scan.notes[0]
+
+
+def test_a_viewpoint_of_zeros_has_no_rotation(save):
+    zeros = _ASCII.replace("VIEWPOINT 0 0 0 1 0 0 0", "VIEWPOINT 1 2 3 0 0 0 0")
+    scan = read_scan(save("a.pcd", zeros))
+    assert scan.viewpoint == Pose(np.eye(3), [1.0, 2.0, 3.0])
+    assert "read as no rotation" in scan.notes[0]
+
+
+def test_columns_are_chosen_by_name(save):
+    path = save("a.pcd", _ASCII.replace("FIELDS x y z", "FIELDS east north up"))
+    scan = read_scan(path, columns="x=north y=up z=east")
+    assert scan.points.tolist() == [[2, 3, 1], [5, 6, 4]]
+    with pytest.raises(FormatError, match="found east, north, up; say which they are, as in"):
+        read_scan(path)
+    with pytest.raises(FormatError, match="a column 'west', as requested, found 3 columns: east"):
+        read_scan(path, columns="x=west y=north z=up")
+    with pytest.raises(InvalidInput, match="must be names of PCD, which names its own"):
+        read_scan(path, columns=3)

@@ -168,6 +168,19 @@ def test_lists_beyond_the_end_are_refused(save):
         read_scan(save("b.ply", signed[:at] + b"\xff" + signed[at + 1 :]))
 
 
-def test_columns_are_refused(save):
-    with pytest.raises(InvalidInput, match="columns must not be given for PLY"):
+@pytest.mark.parametrize("row", ["-3 0 1 1", "3 0 1", "3", "3 0 1 1 1", "two 0 1"])
+def test_lists_of_a_wrong_length_are_refused_in_text(save, row):
+    assert "\n3 0 1 1\n" in _ASCII
+    damaged = _ASCII.replace("\n3 0 1 1\n", f"\n{row}\n")
+    with pytest.raises(FormatError, match="line 16: expected a row of element face with lists"):
+        read_scan(save("a.ply", damaged))
+
+
+def test_columns_are_chosen_by_name(save):
+    scan = read_scan(save("a.ply", _ASCII), columns="x y z")
+    assert list(scan.fields) == []
+    swapped = read_scan(save("a.ply", _ASCII), columns=["x=y", "y=x", "z", "colour=red"])
+    assert np.array_equal(swapped.points, read_scan(save("a.ply", _ASCII)).points[:, [1, 0, 2]])
+    assert list(swapped.fields) == ["colour"]
+    with pytest.raises(InvalidInput, match="must be names of PLY, which names its own"):
         read_scan(save("a.ply", _ASCII), columns=3)

@@ -7,7 +7,7 @@ from scanlock.io import read_scan, write_scan
 _ROWS = [[1.0, -2.5, 3e-3], [4.0, 5.0, 6.0]]
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.xyz", "a.asc", "a.3d", "a.pts"])
+@pytest.mark.parametrize("name", ["a.csv", "a.txt", "a.xyz", "a.asc", "a.3d"])
 @pytest.mark.parametrize(
     "text",
     [
@@ -99,16 +99,10 @@ def test_whole_numbers_keep_every_digit(save):
 
 
 def test_numbers_beyond_float64_are_infinite(save):
-    scan = read_scan(save("a.pts", "1 2 " + "9" * 5000 + "\n"))
+    scan = read_scan(save("a.txt", "1 2 " + "9" * 5000 + "\n"))
     assert scan.points.tolist() == [[1, 2, np.inf]]
     with pytest.raises(FormatError, match="line 2"):
-        read_scan(save("b.pts", "9" * 5000 + "\n1 2 3\n"))
-
-
-def test_the_count_of_a_pts_file_is_checked(save):
-    assert len(read_scan(save("a.pts", "2\n1 2 3\n4 5 6\n"))) == 2
-    with pytest.raises(FormatError, match="expected 3 points, found 2"):
-        read_scan(save("b.pts", "3\n1 2 3\n4 5 6\n"))
+        read_scan(save("b.txt", "9" * 5000 + "\n1 2 3\n"))
 
 
 def test_truncated_lines_and_3dtk_units_are_noted(save):
@@ -159,7 +153,6 @@ def test_trajectories_are_refused_as_scans(save):
     [
         ("a.csv", "x,y,z,ring,n_0,n_1"),
         ("a.xyz", "# x y z ring n_0 n_1"),
-        ("a.pts", "5"),
     ],
 )
 @pytest.mark.parametrize("dtype", ["f4", "f8"])
@@ -171,7 +164,7 @@ def test_written_digits_read_back_exactly(tmp_path, name, first, dtype):
     path = tmp_path / name
     write_scan(path, points, fields)
     assert path.read_text().splitlines()[0] == first
-    again = read_scan(path, columns="x y z ring n_0 n_1" if name == "a.pts" else None)
+    again = read_scan(path)
     assert again.notes == ()
     assert np.array_equal(again.points.astype(dtype), points, equal_nan=True)
     assert np.signbit(again.points[3, 0])
@@ -198,3 +191,82 @@ def test_fields_that_would_not_read_back_are_not_written(tmp_path, fields, compl
     with pytest.raises(InvalidInput, match=complaint):
         write_scan(tmp_path / "a.csv", np.array(_ROWS), fields)
     assert not (tmp_path / "a.csv").exists()
+
+
+def test_columns_with_names_are_chosen_and_renamed(save):
+    path = save("a.csv", "id,Easting,Northing,Height (m),Refl\n7,1,2,3,.5\n8,4,5,6,.75\n")
+    scan = read_scan(path, columns="x=easting,y=northing,z=Height (m),intensity=refl")
+    assert scan.points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert list(scan.fields) == ["intensity"]
+    numbered = read_scan(path, columns="x=2 y=3 z=4 id")
+    assert np.array_equal(numbered.points, scan.points)
+    assert numbered.fields["id"].tolist() == [7, 8]
+    with pytest.raises(FormatError, match="a column 'east', as requested, found 5 columns: id, E"):
+        read_scan(path, columns="x=east y=northing z=4")
+    with pytest.raises(FormatError, match="a column '6', as requested"):
+        read_scan(path, columns="x=2 y=3 z=6")
+    assert list(read_scan(path, columns="n x y z i").fields) == ["n", "i"]
+
+
+def test_names_in_another_order_are_used(save):
+    path = save("a.csv", "z,t,y,x\n1,2,3,4\n5,6,7,8\n")
+    assert read_scan(path).points.tolist() == [[4, 3, 1], [8, 7, 5]]
+    assert read_scan(path, columns="x y z t").points.tolist() == [[4, 3, 1], [8, 7, 5]]
+    assert list(read_scan(path, columns="x y z").fields) == []
+
+
+def test_columns_without_names_are_chosen_by_number(save):
+    path = save("a.txt", "9 1 2 3\n8 4 5 6\n")
+    assert read_scan(path, columns="x=2 y=3 z=4").points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert list(read_scan(path, columns="_ x y z").fields) == []
+    with pytest.raises(FormatError, match="a column 'label', as requested, found 4 columns;"):
+        read_scan(path, columns="x=2 y=3 z=4 label")
+
+
+def test_the_csv_files_of_ouster_are_read(save):
+    head = "# frame num: 0\n# TIMESTAMP (ns), ROW, RANGE (mm), X1 (m), Y1 (m), Z1 (m)\n"
+    scan = read_scan(save("a.csv", head + "\n5, 0, 1, 1.5, 2.5, 3.5\n6, 1, 1, 4.5, 5.5, 6.5\n"))
+    assert scan.points.tolist() == [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
+
+
+_FIRST_COLUMNS = {
+    "unix": lambda n: 1.7e9 + np.arange(n) / n,
+    "nanoseconds": lambda n: 10**18 + 1000 * np.arange(n),
+    "seconds": lambda n: np.linspace(0.0, 0.1, n),
+    "index": lambda n: np.arange(n) + 5,
+    "intensity": lambda n: np.random.default_rng(2).integers(0, 256, n),
+    "reflectance": lambda n: np.random.default_rng(2).random(n),
+    "constant": lambda n: np.full(n, 3),
+}
+
+
+@pytest.mark.parametrize("name", ["a.txt", "a.csv", "a.npy"])
+@pytest.mark.parametrize("first", _FIRST_COLUMNS)
+def test_columns_before_x_are_refused_unless_named(tmp_path, room_scan, name, first):
+    points = np.round(room_scan()[::7], 4)
+    table = np.column_stack([_FIRST_COLUMNS[first](len(points)), points])
+    path = tmp_path / name
+    if name == "a.npy":
+        np.save(path, table)
+    else:
+        np.savetxt(path, table, fmt="%.17g", delimiter="," if name == "a.csv" else " ")
+    with pytest.raises(FormatError, match=r'pass columns="[ti] x y z" if that is the order, else'):
+        read_scan(path)
+    assert np.array_equal(read_scan(path, columns="t x y z").points, points)
+    assert np.array_equal(read_scan(path, columns=4).points, table[:, :3])
+
+
+@pytest.mark.parametrize("fourth", _FIRST_COLUMNS)
+def test_columns_after_z_are_read(tmp_path, room_scan, fourth):
+    points = np.round(room_scan()[::7], 4)
+    np.savetxt(
+        tmp_path / "a.txt", np.column_stack([points, _FIRST_COLUMNS[fourth](len(points))]), "%.17g"
+    )
+    assert np.array_equal(read_scan(tmp_path / "a.txt").points, points)
+
+
+def test_a_height_grid_with_values_is_read(tmp_path):
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(600000.0, 600020), np.arange(30.0)))
+    rows = np.column_stack([np.sort(x), y, 100 + np.sin(x + y), np.full(len(x), 0.5)])
+    np.savetxt(tmp_path / "a.txt", rows)
+    assert np.array_equal(read_scan(tmp_path / "a.txt").points, rows[:, :3])

@@ -218,9 +218,11 @@ def test_starts_that_end_elsewhere_increase_the_sampled_covariance():
     assert np.sqrt(estimate[0][1, 1]) < 0.1
 
 
-def test_a_registration_has_no_covariance_by_default(scans):
-    result = register_pair(scans, initial=_MOTION)
+@pytest.mark.parametrize("covariance", [False, None])
+def test_a_registration_can_leave_out_the_covariance(scans, covariance):
+    result = register_pair(scans, initial=_MOTION, covariance=covariance)
     assert result.covariance is None
+    assert result.accuracy is None
     assert result.as_dict()["covariance"] is None
     assert "covariance" not in result.timings
 

@@ -1,33 +1,33 @@
-"""LAS and LAZ, the formats of surveying, through laspy (the optional extra ``las``)."""
+"""Reader of LAS and LAZ files."""
 
-import importlib
 import io
-import math
 import struct
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from scanlock.arrays import Points
-from scanlock.errors import FormatError, InvalidInput, MissingExtra
+from scanlock.errors import FormatError, InvalidInput
+from scanlock.io.crs.coordinate_system import unit_notes
 from scanlock.io.errors import malformed
-from scanlock.io.formats.laz_chunks import check_chunks
-from scanlock.io.scan_file import Field, ScanFile, flat_fields
-
-_MIN_STEP = 1e-4
-"""Resolution of written coordinates [m], unless the extent requires a coarser one."""
+from scanlock.io.formats.las.backend import import_laspy, require_backend
+from scanlock.io.formats.las.chunks import check_chunks
+from scanlock.io.formats.las.dimensions import COORDINATES
+from scanlock.io.formats.las.properties import properties_of
+from scanlock.io.formats.las.records import WKT_BIT, read_records, system_of_records
+from scanlock.io.scan_file import Field, ScanFile
 
 _MIN_HEADER_SIZE = 227
 _HEADER_SIZE_1_4 = 375
 _COMPRESSED = 0x80
-_MAX_NAME_SIZE = 32
-_COORDINATES = frozenset({"X", "Y", "Z", "x", "y", "z"})
 _REMEDY = "the file is cut short or damaged; copy it again"
 
 
 def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> ScanFile:
     """Read a LAS or LAZ file; every point dimension other than the coordinates becomes a field.
+
+    Coordinates in feet are converted to metres. Longitude and latitude stay degrees.
 
     Raises
     ------
@@ -38,17 +38,17 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
     MissingExtra
         laspy is not installed.
     """
-    laspy = _laspy(path)
+    laspy = import_laspy(path)
     if columns is not None:
         raise InvalidInput(f"{path}: columns must not be given for LAS, which names its own")
     compressed = _check_header(path, data)
-    _require_backend(laspy, path, compressed=compressed)
+    require_backend(laspy, path, compressed=compressed)
     try:
         if compressed:
             check_chunks(laspy, path, data)
         # Damaged scales overflow to infinite coordinates, which later checks detect.
         with np.errstate(over="ignore", invalid="ignore"):
-            expected, points, fields = _decoded(laspy, data)
+            header, points, fields = _decoded(laspy, data)
     except FormatError:
         raise
     except BaseException as error:
@@ -58,6 +58,7 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
             f"{path}: expected {'LAZ' if compressed else 'LAS'} point records, found data that "
             f"laspy cannot read ({error}); {_REMEDY}"
         ) from error
+    expected = int(header.point_count)
     if len(points) != expected or expected == 0:
         raise malformed(
             path,
@@ -66,64 +67,31 @@ def read_las(path: Path, data: bytes, columns: tuple[str, ...] | int | None) -> 
             found=f"{len(points)}",
             remedy=_REMEDY,
         )
+    records = read_records(path, data)
+    encoding = int(header.global_encoding.value)
+    crs = system_of_records(records, prefers_wkt=bool(encoding & WKT_BIT))
+    las, notes = properties_of(header, records)
+    if crs is not None:
+        points *= crs.metres_per_unit
+        notes += unit_notes(crs)
     return ScanFile(
         points=points,
         fields=fields,
         format="las",
         encoding="compressed" if compressed else "binary",
         coordinate_dtype="int32, scaled",
+        crs=crs,
+        metres_per_unit=(1.0, 1.0, 1.0) if crs is None else crs.metres_per_unit,
+        las=las,
+        notes=tuple(notes),
     )
 
 
-def _decoded(laspy: Any, data: bytes) -> tuple[int, Points, dict[str, Field]]:
+def _decoded(laspy: Any, data: bytes) -> tuple[Any, Points, dict[str, Field]]:
     las = laspy.read(io.BytesIO(data))
     points = np.ascontiguousarray(np.stack([las.x, las.y, las.z], axis=1), dtype=np.float64)
-    names = [name for name in las.point_format.dimension_names if name not in _COORDINATES]
-    return int(las.header.point_count), points, {name: np.array(las[name]) for name in names}
-
-
-def write_las(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> None:
-    """Write LAS 1.4, or LAZ for the extension .laz or the encoding "compressed".
-
-    Coordinates are stored with a resolution of 0.1 mm, or coarser for extents above 100 km.
-    Fields with the name of a LAS dimension are stored there, others as extra dimensions.
-
-    Raises
-    ------
-    InvalidInput
-        NaN or Inf in the points, or values that their LAS dimension cannot hold.
-    MissingExtra
-        laspy is not installed.
-    """
-    laspy = _laspy(path)
-    compressed = encoding == "compressed" or path.suffix.lower() == ".laz"
-    _require_backend(laspy, path, compressed=compressed)
-    if not np.isfinite(scan.points).all():
-        raise InvalidInput(
-            f"{path}: points of LAS must be finite, got NaN or Inf; remove such rows, or write "
-            ".pcd or .ply"
-        )
-    fields = flat_fields(path, scan)
-    has_colours = {"red", "green", "blue"} <= set(fields)
-    header = laspy.LasHeader(version="1.4", point_format=7 if has_colours else 6)
-    low = scan.points.min(axis=0)
-    needed = float((scan.points.max(axis=0) - low).max()) / 2**30
-    step = max(_MIN_STEP, 10.0 ** math.ceil(math.log10(needed)) if needed > 0 else 0.0)
-    header.offsets = np.floor(low)
-    header.scales = np.full(3, step)
-    known = set(header.point_format.dimension_names) - _COORDINATES
-    for name, values in fields.items():
-        if name not in known:
-            _require_extra_dimension(path, name, values)
-            kind = np.uint8 if values.dtype.kind == "b" else values.dtype.newbyteorder("=")
-            header.add_extra_dim(laspy.ExtraBytesParams(name=name, type=kind))
-    las = laspy.LasData(header)
-    las.x, las.y, las.z = scan.points.T
-    for name, values in fields.items():
-        _fill_dimension(path, las, name, values)
-    packed = io.BytesIO()
-    las.write(packed, do_compress=compressed)
-    handle.write(packed.getvalue())
+    names = [name for name in las.point_format.dimension_names if name not in COORDINATES]
+    return las.header, points, {name: np.array(las[name]) for name in names}
 
 
 def _check_header(path: Path, data: bytes) -> bool:
@@ -188,45 +156,6 @@ def _require_room(path: Path, offset: int, content: str, needed: int, room: int)
             found=f"{room}",
             remedy=_REMEDY,
         )
-
-
-def _fill_dimension(path: Path, las: Any, name: str, values: Field) -> None:
-    try:
-        las[name] = values
-        is_equal = np.array_equal(np.array(las[name]), values, equal_nan=values.dtype.kind == "f")
-    except (OverflowError, ValueError, TypeError):
-        is_equal = False
-    if not is_equal:
-        raise InvalidInput(
-            f"{path}: the LAS dimension {name} cannot hold these {values.dtype} values "
-            f"({values.min()} to {values.max()}); rename the field to store it as an extra one"
-        )
-
-
-def _require_extra_dimension(path: Path, name: str, values: Field) -> None:
-    if (
-        values.dtype.kind not in "biuf"
-        or values.dtype.itemsize not in (1, 2, 4, 8)
-        or (values.dtype.kind == "f" and values.dtype.itemsize == 2)
-    ):
-        raise InvalidInput(f"{path}: LAS cannot hold field {name} of type {values.dtype}")
-    if name in _COORDINATES or not 0 < len(name.encode()) <= _MAX_NAME_SIZE:
-        raise InvalidInput(
-            f"{path}: a field name of LAS must have 1 to {_MAX_NAME_SIZE} bytes and not be x, y or "
-            f"z, got {name!r}; rename it"
-        )
-
-
-def _laspy(path: Path) -> Any:
-    try:
-        return importlib.import_module("laspy")
-    except ModuleNotFoundError as error:
-        raise MissingExtra(f'{path}: LAS needs laspy: pip install "scanlock[las]"') from error
-
-
-def _require_backend(laspy: Any, path: Path, *, compressed: bool) -> None:
-    if compressed and not laspy.LazBackend.detect_available():
-        raise MissingExtra(f'{path}: LAZ needs a decompressor: pip install "scanlock[las]"')
 
 
 def _is_panic(error: BaseException) -> bool:

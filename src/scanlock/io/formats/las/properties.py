@@ -1,0 +1,154 @@
+"""Properties of a LAS file beside its points, kept to write the file again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from scanlock.io.formats.las.records import LasRecord
+
+_DROPPED = {
+    ("copc", 1): "COPC",
+    ("copc", 1000): "COPC",
+    ("copc", 10000): "COPC",
+    ("LAStools", 30): "LAStools",
+    ("LASF_Spec", 65535): "waveform packets",
+}
+"""Indices of points in the file, and data outside the points, which a new file invalidates."""
+
+_DROP_NOTES = {
+    "COPC": "the COPC index is not kept: the scan is written again as plain LAS or LAZ",
+    "LAStools": "the spatial index of LAStools is not kept: lasindex makes a new one",
+    "waveform packets": "waveform packets are not kept",
+}
+
+_REBUILT = {("laszip encoded", 22204), ("LASF_Spec", 4)}
+"""Records that describe compression and extra dimensions; the writer makes new ones."""
+
+_WAVEFORM_BITS = 0b0110
+"""Bits of the global encoding: waveform packets in the file or in another one."""
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExtraDimension:
+    """Description of an extra dimension (extra bytes) of a LAS file."""
+
+    name: str
+    """Name."""
+
+    dtype: str
+    """Type of the stored values, as NumPy writes it: ``"<u2"``, or ``"<f4"`` of each element."""
+
+    elements: int = 1
+    """Number of values per point."""
+
+    description: str = ""
+    """Description."""
+
+    scales: tuple[float, ...] | None = None
+    """Steps of the stored whole numbers; None without scaling."""
+
+    offsets: tuple[float, ...] | None = None
+    """Offsets of the stored whole numbers; None without scaling."""
+
+    no_data: tuple[float, ...] | None = None
+    """Stored values that mean "no data"; None without any."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LasProperties:
+    """Properties of a LAS file beside its points and its coordinate reference system."""
+
+    version: str
+    """Version: ``"1.0"`` to ``"1.5"``."""
+
+    point_format: int
+    """Number of the point format."""
+
+    scales: Triple
+    """Steps of the coordinates in the unit of the file."""
+
+    offsets: Triple
+    """Offsets of the coordinates in the unit of the file."""
+
+    system_id: str = ""
+    """System identifier: the sensor, or the operation that made the file."""
+
+    software: str = ""
+    """Software that wrote the file."""
+
+    global_encoding: int = 0
+    """Bits of the header: kind of GPS time, WKT and others."""
+
+    file_source_id: int = 0
+    """Number of the flight line or file."""
+
+    project_id: bytes = bytes(16)
+    """GUID of the project."""
+
+    extra_dimensions: tuple[ExtraDimension, ...] = ()
+    """Extra dimensions."""
+
+    records: tuple[LasRecord, ...] = ()
+    """Other variable length records, without those of the coordinate reference system."""
+
+
+def properties_of(header: Any, records: Sequence[LasRecord]) -> tuple[LasProperties, list[str]]:
+    """Return the properties of a LAS file to keep, and notes on those that are not kept.
+
+    Parameters
+    ----------
+    header : laspy.LasHeader
+    records : sequence of LasRecord
+        All records of the file.
+    """
+    kept: list[LasRecord] = []
+    dropped: list[str] = []
+    for record in records:
+        key = (record.user_id, record.record_id)
+        if key in _DROPPED:
+            dropped.append(_DROPPED[key])
+        elif key not in _REBUILT and not record.defines_system:
+            kept.append(record)
+    return LasProperties(
+        version=str(header.version),
+        point_format=int(header.point_format.id),
+        scales=_triple(header.scales),
+        offsets=_triple(header.offsets),
+        system_id=_text(header.system_identifier),
+        software=_text(header.generating_software),
+        global_encoding=int(header.global_encoding.value) & ~_WAVEFORM_BITS,
+        file_source_id=int(header.file_source_id),
+        project_id=header.uuid.bytes_le,
+        extra_dimensions=tuple(map(_extra_dimension, header.point_format.extra_dimensions)),
+        records=tuple(kept),
+    ), [_DROP_NOTES[name] for name in dict.fromkeys(dropped)]
+
+
+def _extra_dimension(dimension: Any) -> ExtraDimension:
+    return ExtraDimension(
+        name=dimension.name,
+        dtype=np.dtype(dimension.dtype).base.str if dimension.dtype is not None else "<u1",
+        elements=int(dimension.num_elements),
+        description=_text(dimension.description),
+        scales=_numbers(dimension.scales),
+        offsets=_numbers(dimension.offsets),
+        no_data=_numbers(dimension.no_data),
+    )
+
+
+def _numbers(values: Any) -> tuple[float, ...] | None:
+    return None if values is None else tuple(np.asarray(values).tolist())
+
+
+def _triple(values: Any) -> Triple:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _text(value: str | bytes) -> str:
+    text = value.decode("latin-1") if isinstance(value, bytes) else value
+    return text.rstrip("\0")
