@@ -110,7 +110,9 @@ class Reading:
 
         from scanlock.pipelines.many.work import read_points
 
-        return partial(read_points, format=self.format, columns=self.wanted_columns())
+        return partial(
+            read_points, format=self.format, columns=self.wanted_columns(), scale=self.scale
+        )
 
     def load(self, path: Path) -> LoadedScan:
         """Read a scan file.

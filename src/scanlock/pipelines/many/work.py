@@ -54,7 +54,13 @@ class Job:
     """Bound on the memory of prepared scans in each process."""
 
 
-def read_points(path: Path, *, format: str | None = None, columns: Columns = None) -> ArrayLike:
+def read_points(
+    path: Path,
+    *,
+    format: str | None = None,
+    columns: Columns = None,
+    scale: float | None = None,
+) -> ArrayLike:
     """Read the points of a scan file without rows at (0, 0, 0), which mark missing returns.
 
     Raises
@@ -64,7 +70,7 @@ def read_points(path: Path, *, format: str | None = None, columns: Columns = Non
     FormatError
         No point is finite and not (0, 0, 0), or an error of `read_scan`.
     """
-    file = read_scan(path, format, columns=columns)
+    file = read_scan(path, format, columns=columns, scale=scale)
     if file.crs is not None:
         file.crs.require_lengths(str(path))
     points = file.points
