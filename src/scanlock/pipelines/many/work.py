@@ -111,7 +111,7 @@ def _row(job: Job, pair: Pair, cache: ScanCache) -> PairRow:
             target=target,
             initial=_initial(pair.initial),
             dof=job.dof,
-            covariance=job.covariance,
+            covariance=False if job.covariance is None else job.covariance,
             verify=job.verify,
         )
         row = row_of_result(pair.name, scans, result, pair.extra)
