@@ -84,6 +84,13 @@ from scanlock.models.surfaces import surface_normals as surface_normals
 from scanlock.pipelines.odometry import odometry as odometry
 from scanlock.pipelines.odometry import OdometryStep as OdometryStep
 
+# Many pairs
+from scanlock.pipelines.many.register_many import register_many as register_many
+from scanlock.pipelines.many.pair import Pair as Pair
+from scanlock.pipelines.many.pair import read_pairs as read_pairs
+from scanlock.pipelines.many.pair_row import PairRow as PairRow
+from scanlock.pipelines.many.pair_row import PairRows as PairRows
+
 # Ground and clusters
 from scanlock.segmentation.segmentation import segment as segment
 from scanlock.segmentation.segmentation import Segmentation as Segmentation

@@ -1,5 +1,7 @@
-"""Recovery of a `KeyboardInterrupt` that Numba replaced by a `SystemError`."""
+"""Interrupts: recovered where Numba replaced them, and ignored by child processes."""
 
+import signal
+import threading
 from collections.abc import Generator
 from contextlib import contextmanager
 
@@ -18,6 +20,24 @@ def plain_interrupts() -> Generator[None]:
         if not isinstance(interrupt, KeyboardInterrupt):
             raise
         raise interrupt from None
+
+
+@contextmanager
+def children_ignore_interrupts() -> Generator[None]:
+    """Let processes started in the ``with`` block ignore Ctrl-C; their parent ends them.
+
+    A terminal sends the signal to all of them, and each would print a traceback.
+    """
+    is_main = threading.current_thread() is threading.main_thread()
+    handler = signal.getsignal(signal.SIGINT) if is_main else None
+    if not callable(handler):
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def _first_cause(error: BaseException) -> BaseException:

@@ -56,7 +56,7 @@ def run(arguments: Sequence[str] | None) -> int:
     _accept_any_name()
     try:
         code = build_app()(
-            None if arguments is None else list(arguments),
+            _forwarded(sys.argv[1:] if arguments is None else arguments),
             exit_on_error=False,
             print_error=False,
             result_action="return_value",
@@ -72,6 +72,19 @@ def run(arguments: Sequence[str] | None) -> int:
     else:
         return code if isinstance(code, int) else OK
     return FAULT
+
+
+def _forwarded(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with ``register --pairs LIST`` as ``register-many LIST``."""
+    words = list(arguments)
+    if words[:1] != ["register"]:
+        return words
+    for k, word in enumerate(words):
+        if word == "--pairs":
+            return ["register-many", *words[1:k], *words[k + 1 :]]
+        if word.startswith("--pairs="):
+            return ["register-many", *words[1:k], word.removeprefix("--pairs="), *words[k + 1 :]]
+    return words
 
 
 def _accept_any_name() -> None:

@@ -47,6 +47,21 @@ Exit code: 0 if the pose is verified, 2 if it is not (the reason is printed),
 
 {_READING}""",
     ),
+    "register-many": Command(
+        path="scanlock.cli.commands.register_many:register_many",
+        help="Register every pair of a table; also as scanlock register --pairs.",
+        epilogue=f"""\
+Examples:
+  scanlock register-many list.csv -o results.csv
+  scanlock register-many list.csv -o results.csv --resume
+  scanlock register-many list.csv -o results.jsonl --scheduler tcp://host:8786
+
+The same as scanlock register --pairs list.csv. A scan that cannot be read
+becomes a row with the status error.
+Exit code: 0 if every pose is verified, 2 if not.
+
+{_READING}""",
+    ),
     "apply": Command(
         path="scanlock.cli.commands.apply:apply",
         help="Move a cloud by a pose, with all its fields.",

@@ -76,23 +76,6 @@ def interrupt_delayed() -> Generator[None]:
         signal.raise_signal(waiting[0])
 
 
-@contextmanager
-def children_ignore_interrupts() -> Generator[None]:
-    """Let processes started in the ``with`` block ignore Ctrl-C; their parent ends them.
-
-    A terminal sends the signal to all of them, and each would print a traceback.
-    """
-    handler = _handler(signal.SIGINT)
-    if not callable(handler):
-        yield
-        return
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, handler)
-
-
 def _handler(number: int) -> object:
     """Return the handler of a signal; None outside the main thread."""
     is_main = threading.current_thread() is threading.main_thread()

@@ -10,6 +10,10 @@ from scanlock.cli.option_types import FormatName
 from scanlock.errors import FormatError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike
+
     from scanlock.arrays import Points
     from scanlock.io import ScanFile
 
@@ -99,6 +103,16 @@ class Reading:
         """Return `columns` in the form that `scanlock.io.read_scan` takes."""
         text = self.columns
         return int(text) if text is not None and text.strip().isdecimal() else text
+
+    def reader(self) -> "Callable[[Path], ArrayLike]":
+        """Return a function that reads the points of a file, for other processes too."""
+        from functools import partial
+
+        from scanlock.pipelines.many.work import read_points
+
+        return partial(
+            read_points, format=self.format, columns=self.wanted_columns(), scale=self.scale
+        )
 
     def load(self, path: Path) -> LoadedScan:
         """Read a scan file.

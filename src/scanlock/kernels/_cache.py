@@ -17,8 +17,10 @@ import numba
 from numba.core import caching
 
 _Function = Callable[..., Any]
-_OnCompile = Callable[[str | None], None]
-"""Called with the cache folder of a kernel, or None, before the kernel is compiled."""
+_OnCompile = Callable[[str | None], bool]
+"""Called with the cache folder of a kernel, or None, before the kernel is compiled.
+
+Returns whether the machine code may be on disk now."""
 
 # Numba's types of these classes are wrong: methods that return a path are typed as None.
 _numba: Any = numba
@@ -97,9 +99,15 @@ class _KernelCache(_caching.FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         found = super().load_overload(sig, target_context)
-        if found is None:
-            self._on_compile(self.cache_path)
+        if found is None and self._on_compile(self.cache_path):
+            found = super().load_overload(sig, target_context)
         return found
+
+    def has(self, sig: Any, target_context: Any) -> bool:
+        """Return whether the machine code of a signature is on disk, without loading it."""
+        target_context.refresh()
+        key = self._index_key(sig, target_context.codegen())
+        return key in self._cache_file._load_index()
 
 
 class _NoCache(_caching.NullCache):
@@ -110,3 +118,7 @@ class _NoCache(_caching.NullCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> None:
         self._on_compile(None)
+
+    def has(self, sig: Any, target_context: Any) -> bool:
+        """Return True: compiling a kernel ahead would be of no use."""
+        return True

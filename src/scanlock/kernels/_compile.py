@@ -21,6 +21,9 @@ _LOGGER = logging.getLogger("scanlock")
 # and fused, which is what vectorising a reduction needs.
 _REORDERED_SUMS = {"reassoc", "contract", "nsz", "arcp"}
 
+# Entry points for calls from Python and from C, which a helper of kernels does not need.
+_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
 
 class CompileNotice:
     """Log message of the first compilation in a process, at level INFO.
@@ -29,26 +32,43 @@ class CompileNotice:
     ----------
     is_given : bool
         Whether the message has been logged.
+    ahead : callable or None
+        Function to call once before the first compilation, which compiles kernels in parallel and
+        keeps them on disk.
     """
 
     def __init__(self) -> None:
         self.is_given = False
+        self.ahead: Callable[[], None] | None = None
 
-    def give(self, cache_path: str | None) -> None:
+    def give(self, cache_path: str | None) -> bool:
         """Log that a kernel is compiled, unless this was logged before.
 
         Parameters
         ----------
         cache_path : str or None
             Folder of the machine code of the kernel; None if no folder is writable.
+
+        Returns
+        -------
+        bool
+            Whether `ahead` was called, so that the kernel may be on disk now.
         """
+        self._log(cache_path)
+        ahead, self.ahead = self.ahead, None
+        if ahead is None or cache_path is None:
+            return False
+        ahead()
+        return True
+
+    def _log(self, cache_path: str | None) -> None:
         if self.is_given:
             return
         self.is_given = True
         if cache_path is None:
             where = "and no cache folder is writable: set NUMBA_CACHE_DIR to one that is"
         else:
-            where = "for half a minute at most, and keeping them on disk"
+            where = "which takes up to a minute once, and keeping them on disk"
         _LOGGER.info("compiling kernels for the first use, %s", where)
 
 
@@ -69,12 +89,18 @@ def sum_kernel(function: _Function) -> _Function:
 
 
 def inlined(function: _Function) -> _Function:
-    """Compile a helper into every kernel that calls it, with the options of that kernel.
+    """Compile a helper into every kernel that calls it; sums may be reordered.
 
     Without this the compiler may leave a call with twenty arguments in an inner loop, which
-    costs more than the called code.
+    costs more than the called code. LLVM copies the helper, which takes a third of the time that
+    Numba takes to copy it (``inline="always"``) and to find the types of each copy.
     """
-    options: dict[str, Any] = {"error_model": "numpy", "inline": "always"}
+    options: dict[str, Any] = {
+        "error_model": "numpy",
+        "fastmath": _REORDERED_SUMS,
+        "forceinline": True,
+        **_NO_WRAPPERS,
+    }
     return cast(_Function, numba.njit(**options)(function))
 
 

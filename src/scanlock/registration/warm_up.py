@@ -9,11 +9,12 @@ import numpy as np
 
 from scanlock.arrays import Points, read_only
 from scanlock.clouds.point_cloud import PointCloud
+from scanlock.errors import require_count
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.optimisation.objectives.cell_scores import CellAssociation
-from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.compile_ahead import compile_in_parallel, missing_kernels
 from scanlock.registration.methods.icp import Icp
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
@@ -40,15 +41,35 @@ _METHODS: tuple[Method[Any], ...] = (
 """The registered methods, and settings that need further kernels."""
 
 
-def warm_up() -> None:
+def warm_up(*, processes: int = 1) -> None:
     """Compile every kernel of segmentation and registration, or load it from disk.
 
-    The machine code is cached on disk, so this takes its half minute once; ``scanlock warmup``
-    divides it among the cores. All later calls run at full speed.
+    The machine code is cached on disk, so this takes its time once. All later calls run at full
+    speed.
+
+    Parameters
+    ----------
+    processes : int
+        Number of processes that compile, this one included. More than one need the usual
+        ``if __name__ == "__main__":`` in a script.
+
+    Raises
+    ------
+    InvalidInput
+        `processes` is not a whole number of at least 1.
     """
+    require_count("processes", processes)
+    if processes > 1:
+        compile_in_parallel(missing_kernels(default_only=False), processes)
     for step in warm_up_steps():
         step()
     warm_up_verification()
+
+
+def run_default() -> None:
+    """Register two synthetic scans by the default method."""
+    scan = _courtyard()
+    register(source=scan + _STEP, target=scan)
 
 
 def warm_up_verification() -> None:
@@ -59,10 +80,7 @@ def warm_up_verification() -> None:
 
 
 def warm_up_steps() -> list[Callable[[], object]]:
-    """Return the stages of `warm_up`, in an order in which neighbours share kernels.
-
-    Processes with a common cache that start at different ends rarely compile the same kernel.
-    """
+    """Return the stages of `warm_up`."""
     scan = _courtyard()
     cloud, moved = PointCloud.from_array(scan), PointCloud.from_array(scan + _STEP)
     above = read_only(scan[scan[:, 2] > 0.3 - _SENSOR_HEIGHT])
@@ -86,9 +104,7 @@ def warm_up_steps() -> list[Callable[[], object]]:
         partial(ClusterFinder().grow, above),
         *(partial(match_clusters, level) for level in (Pose.identity(), None)),
     ]
-    # Methods with ground segmentation first, next to the stages of the segmentation.
-    methods = sorted(_METHODS, key=lambda method: isinstance(method, Icp | Gicp | Ndt | NdtD2d))
-    return [*stages, *(partial(align, method) for method in methods)]
+    return [*stages, *(partial(align, method) for method in _METHODS)]
 
 
 def _courtyard() -> Points:

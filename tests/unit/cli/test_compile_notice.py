@@ -4,6 +4,7 @@ import numba
 import pytest
 
 from scanlock.cli.compile_notice import compile_watch
+from scanlock.kernels._compile import NOTICE
 
 pytestmark = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
 
@@ -42,3 +43,21 @@ def test_the_notice_is_printed_once_to_stderr_of_a_terminal(monkeypatch, capsys,
     out, err = capsys.readouterr()
     assert out == ""
     assert err.count("compiling for the first use") == 1
+
+
+def test_the_number_of_kernels_is_shown_at_a_terminal(monkeypatch, capsys):
+    def compile_both(kernels, processes, report):
+        assert (kernels, processes > 0) == (["one", "two"], True)
+        report(1, 2)
+        report(2, 2)
+
+    monkeypatch.setattr("scanlock.registration.compile_ahead.compile_in_parallel", compile_both)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with compile_watch(missing=lambda: ["one", "two"]) as watch:
+        assert NOTICE.give("folder")
+        assert not NOTICE.give("folder")
+        _new_kernel()(2)
+    assert watch.compiled
+    texts = [f"compiling 2 kernels for this machine, once: {done} of 2" for done in range(3)]
+    assert capsys.readouterr().err == "".join(f"\r{text}" for text in texts) + "\n"
+    assert NOTICE.ahead is None

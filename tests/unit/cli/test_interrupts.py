@@ -6,7 +6,8 @@ import threading
 import pytest
 
 from scanlock.cli import main
-from scanlock.cli.interrupts import children_ignore_interrupts, interrupt_delayed, interrupts_raised
+from scanlock.cli.interrupts import interrupt_delayed, interrupts_raised
+from scanlock.interrupts import children_ignore_interrupts
 
 if sys.platform == "win32":
     pytest.skip("needs the signals of POSIX systems", allow_module_level=True)

@@ -1,25 +1,17 @@
 """``scanlock warmup``: compile all kernels."""
 
-import os
 import time
-from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
-
-_Step = TypeVar("_Step")
 
 
 def warm_up() -> None:
     """Compile all kernels and cache them on disk, so that later commands start at once."""
     from scanlock.cli.compile_notice import compile_watch
-    from scanlock.cli.console import print_line, waiting
-    from scanlock.registration.warm_up import warm_up_verification
+    from scanlock.cli.console import print_line
+    from scanlock.registration.compile_ahead import missing_kernels
 
     begin = time.perf_counter()
-    with compile_watch() as watch, waiting("compiling"):
-        _compile_in(_cores() if _compiles_here() else 1)
-        for step in _steps():
-            step()
-        warm_up_verification()
+    with compile_watch(missing=lambda: missing_kernels(default_only=False)) as watch:
+        run_all()
     seconds = time.perf_counter() - begin
     if watch.compiled:
         print_line(f"compiled everything in {seconds:.0f} s; commands now start at once")
@@ -28,70 +20,13 @@ def warm_up() -> None:
     print_line(cache_location())
 
 
-def _compiles_here() -> bool:
-    """Compile a first kernel if necessary; return whether it was compiled and cached on disk."""
-    import numpy as np
+def run_all() -> None:
+    """Call every kernel."""
+    from scanlock.registration.warm_up import warm_up as warm_up_registration
 
-    from scanlock.kernels.points import polar
-    from scanlock.segmentation.clusters import ClusterFinder
-
-    ClusterFinder().grid.cells(np.ones((1, 3)))
-    stats = getattr(polar.polar_cells, "stats", None)
-    return stats is not None and stats.cache_path is not None and bool(stats.cache_misses)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _compile_in(processes: int) -> None:
-    """Compile the kernels of all steps in a number of processes that share a cache on disk."""
-    from multiprocessing import get_context
-
-    from scanlock.cli.interrupts import children_ignore_interrupts
-
-    if processes < 2:
-        return
-    # Spawned, since a forked process would inherit the locks of the compiler.
-    context = get_context("spawn")
-    taken = context.Array("b", len(_steps()))
-    helpers = [
-        context.Process(target=run_steps, args=(number, taken), daemon=True)
-        for number in range(1, processes)
-    ]
-    with children_ignore_interrupts():
-        for helper in helpers:
-            helper.start()
-    run_steps(0, taken)
-    for helper in helpers:
-        helper.join()
-
-
-def run_steps(number: int, taken: Any) -> None:
-    """Run the steps that no other process has started, in the order of this process."""
-    steps = _steps()
-    for k in ordered(range(len(steps)), number):
-        with taken.get_lock():
-            is_free = not taken[k]
-            taken[k] = 1
-        if is_free:
-            steps[k]()
-
-
-def _steps() -> list[Callable[[], object]]:
-    from scanlock.registration.warm_up import warm_up_steps
-
-    return [*warm_up_steps(), _warm_up_simulation, _warm_up_files]
-
-
-def ordered(steps: Sequence[_Step], number: int) -> list[_Step]:
-    """Order the steps of a process: forwards if its number is even, else backwards, and shifted.
-
-    Steps far apart share few kernels, so processes rarely compile the same kernel.
-    """
-    turned = list(steps if number % 2 == 0 else reversed(steps))
-    first = (number // 2) * len(turned) // 3 % len(turned)
-    return turned[first:] + turned[:first]
+    warm_up_registration()
+    _warm_up_simulation()
+    _warm_up_files()
 
 
 def _warm_up_simulation() -> None:

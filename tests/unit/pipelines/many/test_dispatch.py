@@ -1,0 +1,145 @@
+import itertools
+from concurrent.futures import Future
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scanlock.pipelines.many.dispatch import Dispatch
+from scanlock.pipelines.many.pair import Pair
+from scanlock.pipelines.many.pair_row import PairRow
+
+
+class Died(Exception):
+    pass
+
+
+class FakeWorkers:
+    """Workers that end batches in a given order, and die of the pairs named killer."""
+
+    first_size, batch_seconds, ahead, max_deaths = 4, 1.0, 2, 2
+
+    def __init__(self, choose=lambda count: 0, shared_fate=True):
+        self.running, self.closed = [], False
+        self._choose, self._shared_fate = choose, shared_fate
+
+    def count(self):
+        return 2
+
+    def submit(self, batch):
+        future = Future()
+        self.running.append((future, batch))
+        if len(self.running) == self.count() * self.ahead or batch.is_suspect:
+            self._end_one()
+        return future
+
+    def _end_one(self):
+        future, batch = self.running.pop(self._choose(len(self.running)))
+        if any(pair.name == "killer" for pair in batch.pairs):
+            future.set_exception(Died())
+            if self._shared_fate:
+                for other, _ in self.running:
+                    other.set_exception(Died())
+                self.running.clear()
+        else:
+            future.set_result([_row(pair) for pair in batch.pairs])
+
+    def is_death(self, error):
+        # Meanwhile the other batches end.
+        while self.running:
+            self._end_one()
+        return isinstance(error, Died)
+
+    def recover(self):
+        assert not self.running
+
+    def close(self):
+        self.closed = True
+
+
+def _row(pair):
+    return PairRow(
+        name=pair.name,
+        source=pair.source,
+        target=pair.target,
+        status="ok",
+        reason="",
+        extra=pair.extra,
+        seconds=0.1,
+    )
+
+
+class Ender:
+    """Iterator over pairs that ends a running batch at the end of the list."""
+
+    def __init__(self, pairs, workers):
+        self._pairs, self._workers = iter(pairs), workers
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        try:
+            return next(self._pairs)
+        except StopIteration:
+            if self._workers.running:
+                self._workers._end_one()
+            raise
+
+
+def _pairs(names):
+    return [
+        Pair(source="s", target="t", name=name, extra={"number": str(k)})
+        for k, name in enumerate(names)
+    ]
+
+
+@given(
+    st.lists(st.sampled_from(["good", "good", "good", "killer"]), max_size=40),
+    st.integers(0, 3),
+    st.booleans(),
+)
+def test_only_the_pairs_that_end_workers_become_errors(names, choice, shared_fate):
+    workers = FakeWorkers(lambda count: choice % count, shared_fate)
+    rows = list(Dispatch(Ender(_pairs(names), workers), workers).rows())
+    assert [row.extra["number"] for row in rows] == [str(k) for k in range(len(names))]
+    assert [row.status for row in rows] == ["error" if name == "killer" else "ok" for name in names]
+    assert all(row.error == "WorkerDied" for row in rows if row.status == "error")
+    assert workers.closed
+
+
+def test_other_errors_of_workers_are_raised_and_the_workers_end():
+    class Broken(FakeWorkers):
+        def submit(self, batch):
+            future = Future()
+            future.set_exception(ImportError("no scanlock here"))
+            return future
+
+    workers = Broken()
+    with pytest.raises(ImportError, match="no scanlock"):
+        list(Dispatch(iter(_pairs(["a"])), workers).rows())
+    assert workers.closed
+
+
+def test_workers_end_when_the_iteration_stops_early():
+    workers = FakeWorkers()
+    endless = (Pair(source="s", target="t", name=str(k)) for k in itertools.count())
+    rows = Dispatch(endless, workers).rows()
+    assert [next(rows).name for _ in range(10)] == [str(k) for k in range(10)]
+    rows.close()
+    assert workers.closed
+
+
+def test_rows_that_wait_for_an_earlier_one_are_bounded():
+    # The first batch never ends.
+    workers = FakeWorkers(lambda count: count - 1)
+    read = itertools.count()
+    endless = (Pair(source="s", target="t", name=str(next(read))) for _ in itertools.count())
+    dispatch = Dispatch(endless, workers)
+    for _ in range(2000):
+        dispatch._feed()
+        if dispatch._ended.empty():
+            break
+        dispatch._collect(dispatch._ended.get())
+    assert dispatch._ended.empty()
+    assert len(dispatch._rows) < next(read) < 5000
