@@ -24,7 +24,10 @@ from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.accuracy import PoseAccuracy
-from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
+from scanlock.registration.uncertainty.covariance_estimator import (
+    CovarianceEstimator,
+    chosen_estimator,
+)
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
 from scanlock.registration.verification.assessment import Assessment, assess_pose
 from scanlock.registration.verification.decision import decide_status
@@ -109,7 +112,7 @@ def register(
     if fix_degenerate and not verify:
         raise InvalidInput("fix_degenerate needs the verification: leave out verify=False")
     constraints = Constraints(dof=dof, prior=prior)
-    estimator = _estimator(covariance)
+    estimator = chosen_estimator(covariance)
     with using_threads(threads):
         call = _Call(name, chosen, source, target, start, constraints, verify)
         call.notes += notes
@@ -276,26 +279,6 @@ class _Call:
             notes=tuple(self.notes),
             origins=self.origins,
         )
-
-
-def _estimator(
-    covariance: bool | CovarianceMethod | CovarianceEstimator | None,
-) -> CovarianceEstimator | None:
-    """Return the settings of the covariance; None without one."""
-    match covariance:
-        case CovarianceEstimator():
-            return covariance
-        case True:
-            return CovarianceEstimator()
-        case False | None:
-            return None
-        case str():
-            return CovarianceEstimator(method=covariance)
-        case _:
-            raise InvalidInput(
-                "covariance must be True, False, the name of a method or a CovarianceEstimator, "
-                f"got {covariance!r}"
-            )
 
 
 def _method(

@@ -90,7 +90,7 @@ def register_many(
         left,
         method=chosen,
         dof=dof,
-        covariance=None if covariance == "none" else covariance,
+        covariance=False if covariance == "none" else covariance,
         executor=scheduler or executor,
         workers=None if scheduler else workers,
         read=options.reader(),

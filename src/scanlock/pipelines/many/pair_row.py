@@ -73,7 +73,8 @@ class PairRow:
     """Normalised score, 1 for identical scans."""
 
     deviations: tuple[float, ...] | None = None
-    """Standard deviations along and about the target's axes [m, rad]; None without covariance."""
+    """Standard deviations of `RegistrationResult.accuracy` along and about its axes [m, rad]; None
+    without a covariance."""
 
     notes: tuple[str, ...] = ()
     """Facts about the scans and the registration."""
@@ -138,7 +139,7 @@ def row_of_result(
     """Return the row of a registration; `scans` are the paths of source and target."""
     pose, metrics = result.target_from_source, result.metrics
     shift = result.origins.shift(pose, result.origins.reference_point)
-    covariance = result.covariance
+    accuracy = result.accuracy
     scalar, *vector = quaternion_from_rotation(pose.rotation).tolist()
     return PairRow(
         name=name,
@@ -154,7 +155,11 @@ def row_of_result(
         overlap=_known(metrics.overlap),
         target_overlap=_known(metrics.target_overlap),
         score=_known(metrics.score),
-        deviations=None if covariance is None else tuple(covariance.deviations.tolist()),
+        deviations=(
+            None
+            if accuracy is None
+            else (*accuracy.translation.tolist(), *accuracy.rotation.tolist())
+        ),
         notes=tuple(result.notes),
         extra=extra,
     )

@@ -1,5 +1,7 @@
 """Registration of a list of pairs in threads, processes or a cluster."""
 
+from __future__ import annotations
+
 import secrets
 from collections.abc import Iterable
 from typing import Any, Literal
@@ -20,7 +22,10 @@ from scanlock.pipelines.many.workers import (
 )
 from scanlock.registration.methods.protocol import Method
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
-from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
+from scanlock.registration.uncertainty.covariance_estimator import (
+    CovarianceEstimator,
+    chosen_estimator,
+)
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
 
 Executor = Literal["threads", "processes"] | str | Any | None
@@ -32,7 +37,7 @@ def register_many(
     *,
     method: str | Method[Any] = DEFAULT_METHOD,
     dof: DegreesOfFreedom = "xyz+rpy",
-    covariance: CovarianceMethod | CovarianceEstimator | None = None,
+    covariance: bool | CovarianceMethod | CovarianceEstimator = False,
     verify: bool = True,
     executor: Executor = "threads",
     workers: int | None = None,
@@ -55,8 +60,8 @@ def register_many(
         As for `register`.
     dof : str
         As for `register`.
-    covariance : str or CovarianceEstimator, optional
-        As for `register`.
+    covariance : bool or str or CovarianceEstimator
+        As for `register`, but left out by default.
     verify : bool
         As for `register`.
     executor : {"threads", "processes"}, address, distributed.Client or None
@@ -86,15 +91,14 @@ def register_many(
     """
     require_count("cache_bytes", cache_bytes, 0)
     Constraints(dof=dof)
-    if isinstance(covariance, str):
-        covariance = CovarianceEstimator(method=covariance)
+    estimator = chosen_estimator(covariance)
     name, chosen = named_method(method)
     job = Job(
         key=secrets.token_hex(8),
         # By its name, where it has one, since rows show the name.
         method=name if isinstance(method, str) else chosen,
         dof=dof,
-        covariance=covariance,
+        covariance=estimator,
         verify=verify,
         read=read,
         cache_bytes=cache_bytes,

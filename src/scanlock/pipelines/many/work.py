@@ -22,7 +22,6 @@ from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.register import register
 from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
-from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
 
 ReadPoints = Callable[[Path], ArrayLike]
 """Reader of the points of a scan file."""
@@ -41,7 +40,7 @@ class Job:
     dof: DegreesOfFreedom
     """Degrees of freedom of all registrations."""
 
-    covariance: CovarianceMethod | CovarianceEstimator | None
+    covariance: CovarianceEstimator | None
     """How to estimate covariances."""
 
     verify: bool
@@ -111,7 +110,7 @@ def _row(job: Job, pair: Pair, cache: ScanCache) -> PairRow:
             target=target,
             initial=_initial(pair.initial),
             dof=job.dof,
-            covariance=False if job.covariance is None else job.covariance,
+            covariance=job.covariance or False,
             verify=job.verify,
         )
         row = row_of_result(pair.name, scans, result, pair.extra)

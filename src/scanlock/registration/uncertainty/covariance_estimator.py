@@ -254,6 +254,37 @@ def _hessian_over_variance(objective: Objective, pose: Pose, free: Labels) -> Ma
     return hessian * (degrees_of_freedom / (2.0 * quadratic.value * objective.count))
 
 
+def chosen_estimator(
+    covariance: bool | CovarianceMethod | CovarianceEstimator | None,
+) -> CovarianceEstimator | None:
+    """Return the settings of a covariance by their short forms; None without one.
+
+    Parameters
+    ----------
+    covariance : bool or str or CovarianceEstimator
+        True for the default settings, False or None for none, or the name of a method.
+
+    Raises
+    ------
+    InvalidInput
+        Anything else.
+    """
+    match covariance:
+        case CovarianceEstimator():
+            return covariance
+        case True:
+            return CovarianceEstimator()
+        case False | None:
+            return None
+        case str():
+            return CovarianceEstimator(method=covariance)
+        case _:
+            raise InvalidInput(
+                "covariance must be True, False, the name of a method or a CovarianceEstimator, "
+                f"got {covariance!r}"
+            )
+
+
 def _split(objective: Objective | None) -> tuple[Objective | None, Constraints]:
     """Return an objective without its constraints, and the constraints."""
     if isinstance(objective, ConstrainedObjective):

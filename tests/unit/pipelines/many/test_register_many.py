@@ -50,7 +50,8 @@ def test_a_row_has_the_numbers_of_the_result(folder):
     np.testing.assert_allclose(row.pose[:3], result.transformation[:3, 3], rtol=0, atol=0)
     assert row.probability == result.probability
     assert row.overlap == result.overlap
-    assert row.deviations == tuple(result.covariance.deviations)
+    accuracy = result.accuracy
+    assert row.deviations == (*accuracy.translation, *accuracy.rotation)
     assert row.translation == pytest.approx(np.linalg.norm(result.transformation[:3, 3]))
     assert row.ok == result.ok
     assert row.seconds > 0.0
