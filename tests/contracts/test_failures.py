@@ -39,8 +39,9 @@ _FEATURELESS = {
     "two points": np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
     "equal points": np.full((500, 3), 2.5),
     "bare ground": _ground(0),
-    "thin noise": np.random.default_rng(1).uniform(-20.0, 20.0, (3000, 3)),
 }
+
+_NOISE = np.random.default_rng(1).uniform(-20.0, 20.0, (3000, 3))
 
 
 def _corridor(seed, count=6000):
@@ -90,6 +91,15 @@ def test_no_correspondences_means_the_initial_pose(method):
     assert not found.ok
     is_empty = found.status is Status.NO_CORRESPONDENCES
     assert (found.target_from_source == Pose.identity()) == is_empty
+
+
+def test_a_scan_of_noise_is_never_ok(method):
+    initial = yaw_pose(0.3, (1.0, 2.0, 0.0))
+    for source_points, target_points in ((_NOISE, target()), (source(method), _NOISE)):
+        found = register(source=source_points, target=target_points, method=method, initial=initial)
+        assert found.status is not Status.OK
+        assert found.probability < 0.5
+        assert found.length_scale > 1.0
 
 
 @pytest.mark.parametrize("scan", _FEATURELESS)

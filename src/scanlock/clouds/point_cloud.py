@@ -1,6 +1,6 @@
 """Validated point clouds: shape, type, finiteness and precision are checked once, here."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -36,7 +36,8 @@ class PointCloud:
     Attributes
     ----------
     points : (n, 3) [m]
-        Read-only, C-contiguous float64 points; ``points + origin`` are the input coordinates.
+        Read-only, C-contiguous float64 points; ``scale * points + origin`` are the input
+        coordinates.
     origin : (3,) [m]
         Origin of the local frame in input coordinates: zero for sensor frames, whole metres near
         the median of the points for map coordinates.
@@ -47,6 +48,8 @@ class PointCloud:
     rounding : float [m]
         Estimated rounding of map coordinates: 0.5 m for single precision at 5000 km. Zero for
         sensor frames.
+    scale : float
+        Length of a unit of `points` [m]: 1, and more for a sparse cloud from `scaled`.
     """
 
     points: Points
@@ -54,6 +57,7 @@ class PointCloud:
     rows: Labels
     input_count: int
     rounding: float = 0.0
+    scale: float = 1.0
 
     def __post_init__(self) -> None:
         for array in (self.points, self.origin, self.rows):
@@ -109,13 +113,26 @@ class PointCloud:
     def radius(self) -> float:
         """Median distance of the points from their median, in the maximum norm [m]."""
         sample = _sample(self.points)
-        return float(np.median(np.abs(sample - np.median(sample, axis=0)).max(axis=1)))
+        distances = np.abs(sample - np.median(sample, axis=0)).max(axis=1)
+        return self.scale * float(np.median(distances))
 
     @cached_property
     def centroid(self) -> Vector:
         """(3,) mean of the points in input coordinates [m]."""
         # By column: NumPy is twenty times slower for a mean over rows of three numbers.
-        return read_only(np.array([self.points[:, axis].mean() for axis in range(3)]) + self.origin)
+        mean = np.array([self.points[:, axis].mean() for axis in range(3)])
+        return read_only(self.scale * mean + self.origin)
+
+    @cached_property
+    def length_scale(self) -> float:
+        """Factor of the lengths of all settings for this cloud: 1, and more if it is sparse."""
+        # Imported here, so that reading scans does not load the compiler.
+        from scanlock.clouds.length_scale import length_scale_of
+        from scanlock.kernels.points.rows import selected_points
+
+        if self.is_measured.all():
+            return length_scale_of(self.points)
+        return length_scale_of(selected_points(self.points, self.is_measured))
 
     @cached_property
     def is_measured(self) -> Mask:
@@ -132,6 +149,12 @@ class PointCloud:
 
     def __len__(self) -> int:
         return len(self.points)
+
+    def scaled(self, scale: float) -> "PointCloud":
+        """Return the cloud with coordinates in units of `scale` metres."""
+        if scale == self.scale:
+            return self
+        return replace(self, points=read_only(self.points * (self.scale / scale)), scale=scale)
 
     def to_input_rows(self, values: Labels, fill: int = -1) -> Labels:
         """Return (n,) values as one for each row of the input array; `fill` for dropped rows."""
@@ -150,6 +173,7 @@ class PointCloud:
             np.array(self.rows),
             self.input_count,
             self.rounding,
+            self.scale,
         )
 
 

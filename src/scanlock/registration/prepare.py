@@ -18,7 +18,6 @@ from scanlock.registration.verification.features import (
     extract_features,
     features_from_clusters,
 )
-from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 
 _COARSE = 0.001
 """Rounding of coordinates [m] from which a note is made."""
@@ -42,9 +41,13 @@ class PreparedScan:
     data : object or None
         The result of ``method.prepare``; None if the scan has too little to be registered.
     features : VerificationFeatures or None
-        Features for the verification; None without verification or data.
+        Features for the verification; None without verification or data, or if `unverifiable`.
     insufficient : str
         Why the scan cannot be registered; empty if it can.
+    unverifiable : str
+        Why no pose of the scan can be verified; empty if one can, or if that was not asked for.
+    length_scale : float
+        Length [m] of the units in which `data` and `features` are: 1, and more for sparse scans.
     timings : dict of str to float [s]
         Wall time of each stage.
     notes : tuple of str
@@ -59,6 +62,8 @@ class PreparedScan:
     insufficient: str
     timings: dict[str, float]
     notes: tuple[str, ...]
+    unverifiable: str = ""
+    length_scale: float = 1.0
 
     def __repr__(self) -> str:
         left_out = f", insufficient: {self.insufficient}" if self.insufficient else ""
@@ -97,46 +102,57 @@ def prepare(
 
 
 def prepared_as(
-    role: str, scan: ArrayLike | HasPoints | PointCloud, method: str | Method[Any], verify: bool
+    role: str,
+    scan: ArrayLike | HasPoints | PointCloud,
+    method: str | Method[Any],
+    verify: bool,
+    min_length_scale: float = 1.0,
 ) -> PreparedScan:
-    """Prepare a scan as `prepare` does; errors name it by its role."""
+    """Prepare a scan as `prepare` does; errors name it by its role.
+
+    `min_length_scale` is that of the other scan, for a pair takes the larger one of its scans.
+    """
     name, chosen = named_method(method)
     log = PreparationLog()
     with log.stage("check"):
         cloud = PointCloud.from_array(scan, role)
+        scaled = cloud.scaled(max(cloud.length_scale, min_length_scale))
     data, features, insufficient = None, None, ""
     try:
-        data = chosen.prepare(cloud, log)
+        data = chosen.prepare(scaled, log)
         if verify:
             with log.stage("features"):
-                features = _features(cloud, log)
+                features = _features(scaled, log)
     except InsufficientData as error:
         insufficient = str(error)
     found = () if features is None else features.notes
+    unverifiable = "" if features is None else features.insufficient_reason
     return PreparedScan(
         method=chosen,
         method_name=name,
         cloud=cloud,
         data=data,
-        features=features,
+        features=None if unverifiable else features,
         insufficient=insufficient,
+        unverifiable=unverifiable,
+        length_scale=scaled.scale,
         timings=log.seconds,
-        notes=(*_remarks(cloud), *dict.fromkeys((*log.notes, *found))),
+        notes=(*_remarks(cloud), *_scale_remark(scaled), *dict.fromkeys((*log.notes, *found))),
     )
 
 
 def _features(cloud: PointCloud, log: PreparationLog) -> VerificationFeatures:
     """Extract the features for the verification, from the clusters of the method if it has some."""
     if log.features is not None:
-        features = log.features
-    elif log.clusters is not None:
-        features = features_from_clusters(log.clusters)
-    else:
-        features = extract_features(cloud)
-    count = len(features.gaussians)
-    if count < MIN_GAUSSIANS:
-        raise InsufficientData(f"has {count} Gaussians; {MIN_GAUSSIANS} are needed")
-    return features
+        return log.features
+    if log.clusters is not None:
+        return features_from_clusters(log.clusters)
+    return extract_features(cloud)
+
+
+def _scale_remark(cloud: PointCloud) -> Iterator[str]:
+    if cloud.scale > 1.0:
+        yield f"sparse: all lengths of the settings are multiplied by {cloud.scale:g}"
 
 
 def _remarks(cloud: PointCloud) -> Iterator[str]:

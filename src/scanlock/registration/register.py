@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from scanlock.optimisation.objectives.constraints import Constraints, DegreesOfF
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.local_origins import LocalOrigins
+from scanlock.registration.local_units import LocalUnits
 from scanlock.registration.methods.protocol import Method
 from scanlock.registration.prepare import PreparedScan, prepared_as
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
@@ -119,7 +121,7 @@ def register(
         if reason := call.insufficient:
             return call.failed(reason, time.perf_counter() - begin)
         solution = call.align()
-        assessment = call.assess(solution) if verify else None
+        assessment = call.assess(solution) if verify and not call.unverifiable else None
         if fix_degenerate and assessment is not None and assessment.degenerate:
             solution, assessment = call.fix_degenerate(solution, assessment)
         found = None if estimator is None else call.covariance(solution, estimator)
@@ -140,14 +142,12 @@ class _Call:
         verify: bool,
     ) -> None:
         self.name, self.method, self.initial = name, method, initial
-        self.target, self.source = parallel_map(
-            lambda scan: _prepared(*scan, method, verify), ((target, "target"), (source, "source"))
-        )
         self.clock = StageClock()
-        for given, scan in ((target, self.target), (source, self.source)):
-            if not isinstance(given, PreparedScan):
-                for stage, seconds in scan.timings.items():
-                    self.clock.seconds[stage] = self.clock.seconds.get(stage, 0.0) + seconds
+        scans = self._prepared((target, source), verify, 1.0)
+        # Scans of one sensor have the same length scale; those of two may not.
+        scale = max(one.length_scale for one in scans)
+        self.target, self.source = self._prepared(scans, verify, scale)
+        self.units = LocalUnits(scale)
         self.notes = [
             f"{role}: {note}"
             for role, scan in (("target", self.target), ("source", self.source))
@@ -157,7 +157,22 @@ class _Call:
         prior = constraints.prior
         if prior is not None:
             prior = PosePrior(self.origins.local(prior.pose), prior.covariance)
+            prior = self.units.prior_from_metres(prior)
         self.constraints = replace(constraints, prior=prior)
+
+    def _prepared(
+        self, scans: Sequence[Scan], verify: bool, min_length_scale: float
+    ) -> list[PreparedScan]:
+        """Return target and source, prepared at a length scale; add the times that it takes."""
+        found = parallel_map(
+            lambda pair: _prepared(*pair, self.method, verify, min_length_scale),
+            list(zip(scans, ("target", "source"), strict=True)),
+        )
+        for given, scan in zip(scans, found, strict=True):
+            if scan is not given:
+                for stage, seconds in scan.timings.items():
+                    self.clock.seconds[stage] = self.clock.seconds.get(stage, 0.0) + seconds
+        return found
 
     @property
     def insufficient(self) -> str:
@@ -169,8 +184,8 @@ class _Call:
 
     @property
     def start(self) -> Pose:
-        """The initial pose between the local frames."""
-        return self.origins.local(self.initial or Pose.identity())
+        """The initial pose between the local frames, in their units."""
+        return self.units.from_metres(self.origins.local(self.initial or Pose.identity()))
 
     def align(self) -> Solution:
         """Run the method."""
@@ -183,8 +198,16 @@ class _Call:
     def _aligned(self, start: Pose | None) -> Solution:
         return self.method.align(self.target.data, self.source.data, start, self.constraints)
 
+    @property
+    def unverifiable(self) -> str:
+        """Why the pose cannot be verified; empty if it can."""
+        for role, scan in (("target", self.target), ("source", self.source)):
+            if scan.unverifiable:
+                return f"the {role} {scan.unverifiable}"
+        return ""
+
     def assess(self, solution: Solution) -> Assessment:
-        """Assess the pose of a solution by both scans."""
+        """Assess the pose of a solution by both scans, neither of them unverifiable."""
         target, source = self.target.features, self.source.features
         assert target is not None
         assert source is not None
@@ -214,9 +237,10 @@ class _Call:
         if isinstance(found, str):
             self.notes.append(f"no covariance: {found}")
             return None
-        pose, point = self.origins.caller(solution.pose), self.origins.source_origin
+        pose = self.origins.caller(self.units.to_metres(solution.pose))
+        point = self.origins.source_origin
         return PoseCovariance(
-            matrix=found[0],
+            matrix=self.units.covariance_to_metres(found[0]),
             pose=pose,
             reference_point=point,
             method=estimator.method,
@@ -233,10 +257,12 @@ class _Call:
         """Return the result in the caller's frames."""
         if assessment is None:
             right = math.nan
-            status, reason = _unverified(solution.reason)
+            status, reason = _unverified(solution.reason, self.unverifiable)
         else:
             right = probability(assessment.metrics, assessment.directions)
-            status, reason = decide_status(solution, assessment, right)
+            assessment = self.units.assessment_to_metres(assessment)
+            status, reason = decide_status(solution, assessment, right, self.units.scale)
+        solution = self.units.solution_to_metres(solution)
         caller = self.origins.caller
         return RegistrationResult(
             target_from_source=caller(solution.pose),
@@ -257,6 +283,7 @@ class _Call:
             covariance=covariance,
             accuracy=None if covariance is None else self._accuracy(covariance, assessment),
             origins=self.origins,
+            length_scale=self.units.scale,
         )
 
     def _accuracy(self, covariance: PoseCovariance, assessment: Assessment | None) -> PoseAccuracy:
@@ -278,6 +305,7 @@ class _Call:
             timings={**self.clock.seconds, "total": seconds},
             notes=tuple(self.notes),
             origins=self.origins,
+            length_scale=self.units.scale,
         )
 
 
@@ -299,11 +327,14 @@ def _method(
     return name, chosen
 
 
-def _prepared(scan: Scan, role: str, method: Method[Any], verify: bool) -> PreparedScan:
+def _prepared(
+    scan: Scan, role: str, method: Method[Any], verify: bool, min_length_scale: float
+) -> PreparedScan:
     if not isinstance(scan, PreparedScan):
-        return prepared_as(role, scan, method, verify)
-    if verify and scan.features is None and not scan.insufficient:
-        return prepared_as(role, scan.cloud, method, verify)
+        return prepared_as(role, scan, method, verify, min_length_scale)
+    lacks_features = scan.features is None and not (scan.insufficient or scan.unverifiable)
+    if (verify and lacks_features) or scan.length_scale < min_length_scale:
+        return prepared_as(role, scan.cloud, method, verify, min_length_scale)
     return scan
 
 
@@ -320,10 +351,12 @@ def _initial_pose(initial: ArrayLike | Pose | None) -> tuple[Pose | None, list[s
     ]
 
 
-def _unverified(reason: StopReason) -> tuple[Status, str]:
+def _unverified(reason: StopReason, unverifiable: str) -> tuple[Status, str]:
     """Return status and reason of a pose that was not verified."""
     if reason is StopReason.EMPTY_OBJECTIVE:
         return Status.NO_CORRESPONDENCES, reason.value
     if not reason.is_converged:
         return Status.NOT_CONVERGED, reason.value
+    if unverifiable:
+        return Status.UNVERIFIED, f"the pose cannot be verified: {unverifiable}; look at the scans"
     return Status.UNVERIFIED, f"{reason.value}; the pose was not verified (verify=False)"

@@ -50,9 +50,9 @@ class RegistrationResult:
     metrics : Metrics
         Overlap, residuals and free-space violation at the pose; all NaN if nothing was registered.
     probability : float
-        Probability that the pose is within 0.3 m and 1 degree of the truth, in [0, 1]; see
-        `scanlock.registration.verification.probability`. 0 if nothing was registered, NaN without
-        verification.
+        Probability that the pose is within 0.3 m, times `length_scale`, and 1 degree of the
+        truth, in [0, 1]; see `scanlock.registration.verification.probability`. 0 if nothing was
+        registered, NaN without verification.
     directions : tuple of DirectionObservability
         Observability of three translations, least constrained first, then of three rotations.
         Empty if the scans share too few surfaces.
@@ -75,6 +75,9 @@ class RegistrationResult:
         Standard deviations of the pose at the centroid of the overlap; None without a covariance.
     origins : LocalOrigins
         Origins of the local frames in the caller's coordinates; see `local_target_from_source`.
+    length_scale : float
+        Factor of the lengths of all settings and of the verification: 1, and more for a sparse
+        pair; see `scanlock.clouds.length_scale`.
     """
 
     target_from_source: Pose
@@ -93,6 +96,7 @@ class RegistrationResult:
     covariance: PoseCovariance | None = None
     accuracy: PoseAccuracy | None = None
     origins: LocalOrigins = field(default_factory=LocalOrigins.of_sensors)
+    length_scale: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "timings", MappingProxyType(dict(self.timings)))
@@ -166,6 +170,7 @@ class RegistrationResult:
             "target_from_source": self.target_from_source.matrix.tolist(),
             **self.origins.as_dict(self.target_from_source),
             "probability": _number(self.probability),
+            "length_scale": self.length_scale,
             "metrics": {name: _number(value) for name, value in asdict(self.metrics).items()},
             "directions": [
                 {

@@ -61,5 +61,6 @@ def test_invalid_input_is_refused_and_insufficient_scans_are_a_status(pair):
         assess(source=pair.source.points, target=pair.target.points, pose=np.zeros((4, 4)))
     few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])
     result = assess(source=few, target=pair.target.points, pose=Pose.identity())
-    assert result.status is Status.NO_CORRESPONDENCES
+    assert result.status is Status.UNVERIFIED
+    assert "the source has only 2 clusters or voxels" in result.reason
     assert math.isnan(result.metrics.overlap)

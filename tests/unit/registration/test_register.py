@@ -62,10 +62,19 @@ def test_the_pose_maps_the_source_onto_the_target(scan):
 
 
 def test_the_reason_names_the_scan_with_too_few_gaussians(scan):
-    few = np.concatenate([np.full((9, 3), [x, 5.0, 0.0]) for x in (5.0, 15.0)])
-    result = register(source=few, target=scan)
+    result = register(source=scan[:3], target=scan)
     assert result.status is Status.NO_CORRESPONDENCES
-    assert result.reason.startswith("the source has 2 Gaussians")
+    assert result.reason.startswith("the source has 0 Gaussians")
+
+
+def test_a_method_runs_where_the_pose_cannot_be_verified():
+    # One small object: enough for closest points, too few Gaussians for the verification.
+    box = np.random.default_rng(0).uniform([4.6, 4.6, 0.1], [5.9, 5.9, 1.4], (400, 3))
+    result = register(source=box - [0.0, 0.0, 0.05], target=box, method="icp")
+    assert result.status is Status.UNVERIFIED
+    assert result.reason.startswith("the pose cannot be verified: the target has only")
+    assert math.isnan(result.probability)
+    assert len(result.history) > 1
 
 
 def test_settings_are_named_after_their_class(scan):

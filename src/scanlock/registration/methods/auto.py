@@ -136,7 +136,7 @@ class Auto(Method[AutoData]):
         for note in clusters.notes:
             log.note(note)
         if fine is not None:
-            log.note(f"{len(fine.gaussians)} cells of {fine.cell_size:g} m")
+            log.note(f"{len(fine.gaussians)} cells of {cloud.scale * fine.cell_size:g} m")
         log.features = features
         return data
 

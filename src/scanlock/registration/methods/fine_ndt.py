@@ -41,12 +41,15 @@ class FineNdtScan:
         Gaussians of the cells of all grids.
     first_grid : Gaussians
         Gaussians of the cells of the first grid only.
+    is_sparse : bool
+        Whether the settings for sparse clouds apply.
     """
 
     points: Points
     cell_size: float
     gaussians: Gaussians
     first_grid: Gaussians
+    is_sparse: bool = False
 
     __repr__ = short_repr
 
@@ -73,11 +76,20 @@ class FineNdt:
     """Shapes of the score, one after the other. All but the last use the first grid only; the last
     one uses all grids. Distant Gaussians are cut off early: they cost time and constrain little."""
 
+    sparse_shapes: tuple[ScoreShape, ...] = (
+        ScoreShape(sharpness=0.5, window_start=9.0, window_end=18.0),
+    )
+    """Shapes for sparse clouds, whose length scale exceeds 1. Their Gaussians have few points, and
+    a sharper score has minima where the noise of these points agrees."""
+
     weight_power: float = 0.25
     """Exponent of the number of points in the weight of a Gaussian."""
 
     grid: VoxelGrid = field(default_factory=VoxelGrid)
     """Settings of the Gaussian of a cell."""
+
+    sparse_grid: VoxelGrid = field(default_factory=lambda: VoxelGrid(min_points=4))
+    """Settings of the Gaussian of a cell of a sparse cloud. Fewer points leave fewer gaps."""
 
     solver: Solver = field(
         default_factory=lambda: Newton(criteria=ConvergenceCriteria(step_tolerance=1e-3))
@@ -92,21 +104,21 @@ class FineNdt:
             raise InvalidInput(f"cell_sizes must be ascending and not empty, got {self.cell_sizes}")
         for cell_size in self.cell_sizes:
             require_positive("cell_sizes", cell_size, unit="m")
-        for name, values in (("offsets", self.offsets), ("shapes", self.shapes)):
-            if not values:
+        for name in ("offsets", "shapes", "sparse_shapes"):
+            if not getattr(self, name):
                 raise InvalidInput(f"{name} must not be empty")
         require_positive("weight_power", self.weight_power)
         require_positive("coarse_tolerance", self.coarse_tolerance, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
         """Compute the cells of a cloud at the smallest size that its density allows."""
-        points = measured_points(cloud)
-        scan = self._scan(points, self.cell_sizes[0])
+        points, is_sparse = measured_points(cloud), cloud.scale > 1.0
+        scan = self._scan(points, self.cell_sizes[0], is_sparse)
         for larger in self.cell_sizes[1:]:
             coverage = scan.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
             if coverage >= MIN_COVERAGE and len(scan.gaussians) >= MIN_GAUSSIANS:
                 break
-            scan = self._scan(points, larger)
+            scan = self._scan(points, larger, is_sparse)
         return scan
 
     def align(
@@ -130,17 +142,20 @@ class FineNdt:
             )
             return constraints.applied_to(score)
 
-        *first, last = self.shapes
+        *first, last = self.sparse_shapes if target.is_sparse else self.shapes
         objectives = [*(objective(shape, False) for shape in first), objective(last, True)]
         tolerances = [self.coarse_tolerance] * len(objectives)
         return minimise_staged(self.solver, objectives, tolerances, start)
 
     def _with_size(self, scan: FineNdtScan, cell_size: float) -> FineNdtScan:
-        return scan if scan.cell_size == cell_size else self._scan(scan.points, cell_size)
+        if scan.cell_size == cell_size:
+            return scan
+        return self._scan(scan.points, cell_size, scan.is_sparse)
 
-    def _scan(self, points: Points, cell_size: float) -> FineNdtScan:
+    def _scan(self, points: Points, cell_size: float, is_sparse: bool) -> FineNdtScan:
+        grid = self.sparse_grid if is_sparse else self.grid
         grids = parallel_map(
-            lambda offset: replace(self.grid, offset=offset).gaussians(points, cell_size).gaussians,
+            lambda offset: replace(grid, offset=offset).gaussians(points, cell_size).gaussians,
             self.offsets,
         )
         return FineNdtScan(
@@ -148,4 +163,5 @@ class FineNdt:
             cell_size=cell_size,
             gaussians=Gaussians.joined(grids),
             first_grid=grids[0],
+            is_sparse=is_sparse,
         )

@@ -146,7 +146,7 @@ class Icp(Method[PointScan]):
             with log.stage("sample"):
                 sample = self.annealing.sample(cloud)
         require_points(len(tree))
-        log.note(f"{len(tree)} points with a spacing of {spacing:.3g} m")
+        log.note(f"{len(tree)} points with a spacing of {cloud.scale * spacing:.3g} m")
         if self.noise is not None and cloud.origin.any():
             log.note("sensor noise is relative to the origin, which may not be the sensor")
         return PointScan(closest, spacing, normals, covariances, sample)

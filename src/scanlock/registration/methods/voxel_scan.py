@@ -43,7 +43,7 @@ def prepare_voxels(
         sampled = voxel_means(points, voxel_size) if voxel_size > 0.0 else points
     gaussians = [one.gaussians for one in voxels]
     scan = gaussian_scan(read_only(sampled), gaussians, len(points), voxels)
-    counts = ", ".join(f"{len(one)} Gaussians of {one.size:g} m" for one in voxels)
+    counts = ", ".join(f"{len(one)} Gaussians of {cloud.scale * one.size:g} m" for one in voxels)
     log.note(f"{counts}, of {len(sampled)} points")
     return scan
 

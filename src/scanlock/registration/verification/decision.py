@@ -32,7 +32,7 @@ pose, so that poses just outside the tolerance are not accepted."""
 
 
 def decide_status(
-    solution: Solution, assessment: Assessment, probability: float
+    solution: Solution, assessment: Assessment, probability: float, length_scale: float = 1.0
 ) -> tuple[Status, str]:
     """Decide the status of a solution, and explain it in a sentence.
 
@@ -43,6 +43,8 @@ def decide_status(
         Assessment of the pose of the solution.
     probability : float
         Probability that the pose is correct, from the same assessment.
+    length_scale : float
+        Factor of the lengths of the thresholds; the assessment is in metres.
     """
     if solution.reason is StopReason.EMPTY_OBJECTIVE:
         remedy = "try a better initial pose or a larger correspondence distance"
@@ -58,19 +60,18 @@ def decide_status(
         )
     if not solution.reason.is_converged:
         return Status.NOT_CONVERGED, solution.reason.value
-    if (
-        assessment.observability is None
-        or min(metrics.overlap, metrics.target_overlap) < _MIN_OVERLAP
-    ):
+    is_apart = min(metrics.overlap, metrics.target_overlap) < _MIN_OVERLAP
+    if assessment.observability is None or is_apart:
+        lack = "too little overlap" if is_apart else "too few common surfaces"
         return Status.LOW_OVERLAP, (
-            f"{facts}: too little overlap to verify the pose; use scans closer together, or a "
-            "better initial pose"
+            f"{facts}: {lack} to verify the pose; use scans closer together, or a better initial "
+            "pose"
         )
-    if probability >= 0.5 and metrics.refinement_shift > MAX_REFINEMENT_SHIFT:
+    if probability >= 0.5 and metrics.refinement_shift > length_scale * MAX_REFINEMENT_SHIFT:
         return Status.INACCURATE, (
             f"{facts}, but point-to-plane refinement would still move the pose by "
-            f"{metrics.refinement_shift:.2f} m (a degree counts as 0.3 m); pass it as initial= to "
-            "auto or gicp"
+            f"{metrics.refinement_shift:.2f} m (a degree counts as {0.3 * length_scale:g} m); pass "
+            "it as initial= to auto or gicp"
         )
     if assessment.degenerate or probability < MIN_PROBABILITY:
         outcome = "is likely wrong" if probability < 0.5 else "may be wrong"

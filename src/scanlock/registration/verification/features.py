@@ -74,6 +74,14 @@ class VerificationFeatures:
         frozen(self.query_points)
         object.__setattr__(self, "self_score", self_score(self.gaussians))
 
+    @property
+    def insufficient_reason(self) -> str:
+        """Why no pose of the scan can be verified; empty if one can."""
+        count = len(self.gaussians)
+        if count >= MIN_GAUSSIANS:
+            return ""
+        return f"has only {count} clusters or voxels with enough points"
+
 
 def features_from_clusters(
     clusters: ClusterGaussians, imager: RangeImager | None = _RANGE_IMAGER

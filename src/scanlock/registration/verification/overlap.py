@@ -51,6 +51,9 @@ def overlap_and_score(
         score is capped there.
     """
     overlaps, target_overlaps, score = _overlaps(target, source.transformed(pose))
+    if min(self_scores) <= 0.0:
+        # A scan without Gaussians overlaps nothing.
+        return 0.0, 0.0, 0.0
     return (
         _weighted_fraction(source, overlaps),
         _weighted_fraction(target, target_overlaps),

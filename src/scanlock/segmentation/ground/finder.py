@@ -113,7 +113,7 @@ class GroundFinder:
 
         A cloud without ground raises nothing; see `Ground.status` and `Ground.reason`.
         """
-        level = self._levelled(cloud.points)
+        level = self._levelled(cloud)
         if isinstance(level, str):
             return Ground.none(len(cloud), level)
         prototypes, plane = level.prototypes, level.plane
@@ -149,9 +149,9 @@ class GroundFinder:
             sectors=sectors,
         )
 
-    def _levelled(self, points: Points) -> "_LevelCloud | str":
+    def _levelled(self, cloud: PointCloud) -> "_LevelCloud | str":
         """Level a cloud by its base plane; return the reason where that is impossible."""
-        rotation = np.eye(3)
+        points, rotation = cloud.points, np.eye(3)
         prototypes = Prototypes.of(points, self.grid, self.min_points)
         plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
         # The second rotation corrects the error of prototypes found in a tilted frame.
@@ -168,9 +168,10 @@ class GroundFinder:
             prototypes = Prototypes.of(points, self.grid, self.min_points)
             plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
         if len(prototypes.points) < _MIN_PROTOTYPES:
+            max_range = cloud.scale * self.grid.max_range
             return (
-                f"only {len(prototypes.points)} cells within {self.grid.max_range:g} m of the "
-                "origin contain points"
+                f"only {len(prototypes.points)} cells within {max_range:g} m of the origin contain "
+                "points"
             )
         if plane is None:
             return "no plane fits the lowest points"
@@ -190,7 +191,7 @@ class GroundFinder:
         if count < max(_MIN_PROTOTYPES, self.min_support * prototypes):
             return f"only {count} of the {prototypes} lowest points lie on a common surface"
         if breadth < _MIN_BREADTH:
-            return f"the lowest points lie along a line, {breadth:.2f} m wide"
+            return "the lowest points lie along a line"
         if close < self.min_sharpness * near:
             return (
                 f"only {close / near:.0%} of the points near the modelled ground lie on it, so it "

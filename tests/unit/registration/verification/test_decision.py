@@ -100,10 +100,11 @@ def test_inconsistent_scans_are_unverified_instead_of_degenerate(metrics):
 
 
 def test_a_pose_without_shared_planes_has_low_overlap():
-    assessment = Assessment(metrics=Metrics(overlap=0.9, score=0.9), observability=None)
+    metrics = Metrics(overlap=0.9, target_overlap=0.9, score=0.9)
+    assessment = Assessment(metrics=metrics, observability=None)
     status, sentence = decide_status(_solution(), assessment, 1.0)
     assert status is Status.LOW_OVERLAP
-    assert "too little overlap" in sentence
+    assert "too few common surfaces" in sentence
 
 
 @pytest.mark.parametrize("name", ["overlap", "target_overlap"])
