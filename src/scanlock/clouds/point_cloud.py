@@ -124,15 +124,27 @@ class PointCloud:
         return read_only(self.scale * mean + self.origin)
 
     @cached_property
-    def length_scale(self) -> float:
-        """Factor of the lengths of all settings for this cloud: 1, and more if it is sparse."""
-        # Imported here, so that reading scans does not load the compiler.
-        from scanlock.clouds.length_scale import length_scale_of
+    def measured_points(self) -> Points:
+        """The (m, 3) points that are measurements; see `is_measured`."""
         from scanlock.kernels.points.rows import selected_points
 
         if self.is_measured.all():
-            return length_scale_of(self.points)
-        return length_scale_of(selected_points(self.points, self.is_measured))
+            return self.points
+        return read_only(selected_points(self.points, self.is_measured))
+
+    @cached_property
+    def is_sparse(self) -> bool:
+        """Whether small cubes have too few points for a Gaussian, in the units of `points`."""
+        from scanlock.clouds.length_scale import is_sparse
+
+        return is_sparse(self.measured_points)
+
+    @cached_property
+    def length_scale(self) -> float:
+        """Factor of the lengths of all settings for this cloud: 1, and more if it is sparse."""
+        from scanlock.clouds.length_scale import length_scale_of
+
+        return self.scale * length_scale_of(self.measured_points) if self.is_sparse else self.scale
 
     @cached_property
     def is_measured(self) -> Mask:

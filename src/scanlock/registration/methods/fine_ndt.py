@@ -22,7 +22,6 @@ from scanlock.optimisation.solvers.solution import Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import minimise_staged
 from scanlock.registration.methods.gaussian_scan import MIN_COVERAGE
-from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.cluster_gaussians import MIN_GAUSSIANS
 from scanlock.threads import parallel_map
 
@@ -65,6 +64,9 @@ class FineNdt:
     """Sides of the cells [m], smallest first. Each scan takes the first size at which most of its
     points lie in cells with a Gaussian; a pair takes the larger one of its scans."""
 
+    sparse_cell_sizes: tuple[float, ...] = (1.5, 3.0, 6.0)
+    """Sides of the cells of sparse clouds [m], see `PointCloud.is_sparse`."""
+
     offsets: tuple[float, ...] = (0.0, 1.0 / 3.0, 2.0 / 3.0)
     """Offsets of the grids along each axis as fractions of the cell size. A surface divided badly
     by one grid is divided well by another."""
@@ -77,10 +79,11 @@ class FineNdt:
     one uses all grids. Distant Gaussians are cut off early: they cost time and constrain little."""
 
     sparse_shapes: tuple[ScoreShape, ...] = (
+        ScoreShape(sharpness=0.5, window_start=4.0, window_end=9.0),
         ScoreShape(sharpness=0.5, window_start=9.0, window_end=18.0),
     )
-    """Shapes for sparse clouds, whose length scale exceeds 1. Their Gaussians have few points, and
-    a sharper score has minima where the noise of these points agrees."""
+    """Shapes of the score if either cloud is sparse. Their Gaussians have few points, and a sharper
+    score has minima where the noise of these points agrees."""
 
     weight_power: float = 0.25
     """Exponent of the number of points in the weight of a Gaussian."""
@@ -100,10 +103,12 @@ class FineNdt:
     """Step tolerance of all shapes but the last [m]."""
 
     def __post_init__(self) -> None:
-        if not self.cell_sizes or list(self.cell_sizes) != sorted(self.cell_sizes):
-            raise InvalidInput(f"cell_sizes must be ascending and not empty, got {self.cell_sizes}")
-        for cell_size in self.cell_sizes:
-            require_positive("cell_sizes", cell_size, unit="m")
+        for name in ("cell_sizes", "sparse_cell_sizes"):
+            sizes = getattr(self, name)
+            if not sizes or list(sizes) != sorted(sizes):
+                raise InvalidInput(f"{name} must be ascending and not empty, got {sizes}")
+            for size in sizes:
+                require_positive(name, size, unit="m")
         for name in ("offsets", "shapes", "sparse_shapes"):
             if not getattr(self, name):
                 raise InvalidInput(f"{name} must not be empty")
@@ -112,9 +117,10 @@ class FineNdt:
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
         """Compute the cells of a cloud at the smallest size that its density allows."""
-        points, is_sparse = measured_points(cloud), cloud.scale > 1.0
-        scan = self._scan(points, self.cell_sizes[0], is_sparse)
-        for larger in self.cell_sizes[1:]:
+        points, is_sparse = cloud.measured_points, cloud.is_sparse
+        smallest, *others = self.sparse_cell_sizes if is_sparse else self.cell_sizes
+        scan = self._scan(points, smallest, is_sparse)
+        for larger in others:
             coverage = scan.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
             if coverage >= MIN_COVERAGE and len(scan.gaussians) >= MIN_GAUSSIANS:
                 break
@@ -142,7 +148,8 @@ class FineNdt:
             )
             return constraints.applied_to(score)
 
-        *first, last = self.sparse_shapes if target.is_sparse else self.shapes
+        is_sparse = target.is_sparse or source.is_sparse
+        *first, last = self.sparse_shapes if is_sparse else self.shapes
         objectives = [*(objective(shape, False) for shape in first), objective(last, True)]
         tolerances = [self.coarse_tolerance] * len(objectives)
         return minimise_staged(self.solver, objectives, tolerances, start)

@@ -35,7 +35,6 @@ from scanlock.registration.methods.gaussian_scan import (
     gaussian_scan,
 )
 from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.voxel_scan import measured_points
 from scanlock.segmentation.ground.finder import GroundFinder
 from scanlock.segmentation.segmentation import is_obstacle
 
@@ -112,7 +111,7 @@ class MskmNdt(Method[GaussianScan]):
             if self.points == "obstacles":
                 points = cloud.points[is_obstacle(cloud, self.ground.find(cloud))]
             else:
-                points = measured_points(cloud)
+                points = cloud.measured_points
         with log.stage("k-means"):
             # Voxels are in a fixed order, so the order of the input rows does not matter.
             sampled = read_only(voxel_means(points, self.voxel_size))

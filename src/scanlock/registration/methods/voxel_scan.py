@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from scanlock.arrays import Points, read_only
+from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_means
-from scanlock.kernels.points.rows import selected_points
 from scanlock.models.voxel_gaussians import VoxelGrid
 from scanlock.registration.methods.gaussian_scan import GaussianScan, gaussian_scan
 from scanlock.registration.methods.protocol import PreparationLog
@@ -37,7 +36,8 @@ def prepare_voxels(
     """
     log = log or PreparationLog()
     with log.stage("gaussians"):
-        points = measured_points(cloud)
+        # Zeros, where nothing returned, coincide in both scans and would hold the pose there.
+        points = cloud.measured_points
         voxels = [grid.gaussians(points, size) for size in cell_sizes]
     with log.stage("downsample"):
         sampled = voxel_means(points, voxel_size) if voxel_size > 0.0 else points
@@ -46,14 +46,3 @@ def prepare_voxels(
     counts = ", ".join(f"{len(one)} Gaussians of {cloud.scale * one.size:g} m" for one in voxels)
     log.note(f"{counts}, of {len(sampled)} points")
     return scan
-
-
-def measured_points(cloud: PointCloud) -> Points:
-    """Return the points of a cloud except those at exactly zero in a sensor's frame.
-
-    Many sensors write zeros where nothing returned. Such points coincide in both scans and would
-    hold the pose at the identity.
-    """
-    if cloud.is_measured.all():
-        return cloud.points
-    return read_only(selected_points(cloud.points, cloud.is_measured))

@@ -46,8 +46,20 @@ class RangeImage:
         Only visible points count: those in a cell with a range, and not occluded. Occluded
         points would dilute the fraction. NaN with fewer than `min_points` visible points.
         """
+        count, visible, violating = self._visibility(points, image_from_points, weights)
+        return violating / visible if count >= self.settings.min_points else math.nan
+
+    def visible_ratio(self, points: Points) -> float:
+        """Return the ratio of (n, 3) points [m] of the scan that are not occluded."""
+        count, _, _ = self._visibility(points, Pose.identity(), np.ones(len(points)))
+        return count / len(points)
+
+    def _visibility(
+        self, points: Points, image_from_points: Pose, weights: Vector
+    ) -> tuple[int, float, float]:
+        """Return the number and weight of visible points, and the weight of those in free space."""
         settings = self.settings
-        count, visible, violating = free_space_violation(
+        return free_space_violation(
             self.ranges,
             points,
             weights,
@@ -58,7 +70,6 @@ class RangeImage:
             settings.occlusion_margin,
             settings.relative_occlusion_margin,
         )
-        return violating / visible if count >= settings.min_points else math.nan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -87,6 +98,10 @@ class RangeImager:
     min_points: int = 6
     """Minimum number of visible points; with fewer the violation is unknown."""
 
+    min_visible_ratio: float = 0.25
+    """Minimum ratio of the points of a sparse scan that are visible from its origin; with fewer
+    the origin is not the sensor. Airborne tiles about their middle have 0.05 to 0.4."""
+
     def __post_init__(self) -> None:
         require_count("cells_per_side", self.cells_per_side, 1)
         require_count("neighbourhood", self.neighbourhood, 0)
@@ -95,6 +110,7 @@ class RangeImager:
         require_at_least("occlusion_margin", self.occlusion_margin, 0.0, unit="m")
         require_at_least("relative_occlusion_margin", self.relative_occlusion_margin, 0.0)
         require_count("min_points", self.min_points, 1)
+        require_fraction("min_visible_ratio", self.min_visible_ratio)
 
     def image(self, cloud: PointCloud) -> RangeImage | None:
         """Return the range image of a cloud; None if its origin is not the sensor."""
@@ -102,4 +118,8 @@ class RangeImager:
             return None
         ranges = build_range_image(cloud.points, self.cells_per_side)
         ranges = minimum_filtered(read_only(ranges), self.neighbourhood)
-        return RangeImage(ranges=read_only(ranges), settings=self)
+        image = RangeImage(ranges=read_only(ranges), settings=self)
+        # Dense scans are those of a scanner nearly always; the test would take time for each.
+        if cloud.is_sparse and image.visible_ratio(cloud.points) < self.min_visible_ratio:
+            return None
+        return image

@@ -16,7 +16,6 @@ from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
-from scanlock.registration.methods.voxel_scan import measured_points
 
 _NEAR = yaw_pose(0.02, (0.3, -0.2, 0.05))
 _FAR = yaw_pose(0.5, (4.0, 3.0, -0.2))
@@ -117,9 +116,9 @@ def test_the_size_with_most_gaussians_is_used_if_all_have_low_coverage():
 def test_points_at_zero_are_removed_in_a_sensor_frame_only():
     scan = street(1)
     with_zeros = np.insert(scan, [0, 700], 0.0, axis=0)
-    np.testing.assert_array_equal(measured_points(PointCloud.from_array(with_zeros)), scan)
+    np.testing.assert_array_equal(PointCloud.from_array(with_zeros).measured_points, scan)
     mapped = PointCloud.from_array(scan + 5000.0)
-    assert len(measured_points(mapped)) == len(scan)
+    assert len(mapped.measured_points) == len(scan)
 
 
 def test_p2d_uses_all_points_or_downsamples_them():
