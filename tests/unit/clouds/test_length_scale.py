@@ -50,7 +50,7 @@ def test_blank_returns_do_not_count():
 
 
 def test_a_scaled_cloud_has_units_of_its_scale():
-    cloud = PointCloud.from_array(_terrain(1.0) + [5e5, 4e6, 100.0])
+    cloud = PointCloud.from_array(_terrain(1.0) + np.array([5e5, 4e6, 100.0]))
     scaled = cloud.scaled(4.0)
     assert scaled.scale == 4.0
     np.testing.assert_allclose(4.0 * scaled.points, cloud.points)
