@@ -191,6 +191,7 @@ SECTIONS: dict[str, Callable[[File], Table]] = {
     "basin": basin,
     "real_pairs": real_pairs,
     "split_scans": lambda file: file.table("all scans"),
+    "airborne": lambda file: file.table("all tiles"),
     "speed": lambda file: file.table("summary, city"),
     "failure_detection": failure_detection,
     "ground": ground,
