@@ -18,13 +18,8 @@ _FILES = {
     "MixedConifer": "formats/las/MixedConifer.laz",
     "AHN": "aerial_ahn/ahn_2386_9702.laz",
     "autzen 2010": "two_epochs_autzen/autzen-bmx-2010.las",
-    "lone-star": "formats/copc/lone-star.copc.laz",
-    "pine_plot": "formats/las/pine_plot.laz",
 }
-"""Files of the folder of real scans; the last two are dense clouds."""
-
-_MAX_POINTS = 120_000
-"""Maximum number of points of a tile, evenly spaced by row: those of a scan of a vehicle."""
+"""Files of the folder of real scans."""
 
 MOTIONS = ((2.3, 1.5), (10.0, 5.0))
 """Distances [m] and angles [deg] by which a half is moved about the middle of the tile."""
@@ -67,11 +62,7 @@ def read_tile(data: Path, file: str) -> Cloud:
 def tiles(data: Path) -> dict[str, Cloud]:
     """Return the points of the tiles that are there [m], by name."""
     there = {name: file for name, file in _FILES.items() if (data / file).exists()}
-    return {name: _thinned(read_tile(data, file)) for name, file in there.items()}
-
-
-def _thinned(points: Cloud) -> Cloud:
-    return points[:: math.ceil(len(points) / _MAX_POINTS)]
+    return {name: read_tile(data, file) for name, file in there.items()}
 
 
 def halves(points: Cloud, metres: float, degrees: float, seed: int) -> TileHalves:
