@@ -18,6 +18,8 @@ from scanlock.registration.verification.features import (
     extract_features,
     features_from_clusters,
 )
+from scanlock.threads import parallel_map
+from scanlock.timing import StageClock
 
 _COARSE = 0.001
 """Rounding of coordinates [m] from which a note is made."""
@@ -68,6 +70,10 @@ class PreparedScan:
     def __repr__(self) -> str:
         left_out = f", insufficient: {self.insufficient}" if self.insufficient else ""
         return f"PreparedScan({self.method_name}, {len(self.cloud):,} points{left_out})"
+
+
+Scan = ArrayLike | HasPoints | PointCloud | PreparedScan
+"""A scan as `register` takes it."""
 
 
 @plain_interrupts()
@@ -139,6 +145,38 @@ def prepared_as(
         timings=log.seconds,
         notes=(*_remarks(cloud), *_scale_remark(scaled), *dict.fromkeys((*log.notes, *found))),
     )
+
+
+def prepared_pair(
+    target: Scan, source: Scan, method: Method[Any], verify: bool, clock: StageClock
+) -> tuple[PreparedScan, PreparedScan]:
+    """Return two scans prepared at one length scale, the larger one; add the times of the stages.
+
+    Scans of one sensor mostly have the same scale. A scan that is prepared for it is not prepared
+    again.
+    """
+    scans, scale = [target, source], 1.0
+    for _ in range(2):
+        found = parallel_map(
+            lambda pair, scale=scale: _prepared(*pair, method, verify, scale),
+            list(zip(scans, ("target", "source"), strict=True)),
+        )
+        for given, scan in zip(scans, found, strict=True):
+            for stage, seconds in () if scan is given else scan.timings.items():
+                clock.seconds[stage] = clock.seconds.get(stage, 0.0) + seconds
+        scans, scale = list[Scan](found), max(one.length_scale for one in found)
+    return found[0], found[1]
+
+
+def _prepared(
+    scan: Scan, role: str, method: Method[Any], verify: bool, min_length_scale: float
+) -> PreparedScan:
+    if not isinstance(scan, PreparedScan):
+        return prepared_as(role, scan, method, verify, min_length_scale)
+    lacks_features = scan.features is None and not (scan.insufficient or scan.unverifiable)
+    if (verify and lacks_features) or scan.length_scale < min_length_scale:
+        return prepared_as(role, scan.cloud, method, verify, min_length_scale)
+    return scan
 
 
 def _features(cloud: PointCloud, log: PreparationLog) -> VerificationFeatures:

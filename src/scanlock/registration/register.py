@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.clouds.coordinates import HasPoints
-from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.interrupts import plain_interrupts
@@ -22,7 +19,7 @@ from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.local_origins import LocalOrigins
 from scanlock.registration.local_units import LocalUnits
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.prepare import PreparedScan, prepared_as
+from scanlock.registration.prepare import PreparedScan, Scan, prepared_pair
 from scanlock.registration.registry import DEFAULT_METHOD, named_method
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.uncertainty.accuracy import PoseAccuracy
@@ -36,11 +33,8 @@ from scanlock.registration.verification.decision import decide_status
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.probability import probability
 from scanlock.registration.verification.status import Status
-from scanlock.threads import parallel_map, using_threads
+from scanlock.threads import using_threads
 from scanlock.timing import StageClock
-
-Scan = ArrayLike | HasPoints | PointCloud | PreparedScan
-"""A scan as `register` takes it."""
 
 _ROUNDING = 1e-6
 """Correction of an initial rotation from which a note is made: above single-precision rounding."""
@@ -143,11 +137,8 @@ class _Call:
     ) -> None:
         self.name, self.method, self.initial = name, method, initial
         self.clock = StageClock()
-        scans = self._prepared((target, source), verify, 1.0)
-        # Scans of one sensor have the same length scale; those of two may not.
-        scale = max(one.length_scale for one in scans)
-        self.target, self.source = self._prepared(scans, verify, scale)
-        self.units = LocalUnits(scale)
+        self.target, self.source = prepared_pair(target, source, method, verify, self.clock)
+        self.units = LocalUnits(self.target.length_scale)
         self.notes = [
             f"{role}: {note}"
             for role, scan in (("target", self.target), ("source", self.source))
@@ -159,20 +150,6 @@ class _Call:
             prior = PosePrior(self.origins.local(prior.pose), prior.covariance)
             prior = self.units.prior_from_metres(prior)
         self.constraints = replace(constraints, prior=prior)
-
-    def _prepared(
-        self, scans: Sequence[Scan], verify: bool, min_length_scale: float
-    ) -> list[PreparedScan]:
-        """Return target and source, prepared at a length scale; add the times that it takes."""
-        found = parallel_map(
-            lambda pair: _prepared(*pair, self.method, verify, min_length_scale),
-            list(zip(scans, ("target", "source"), strict=True)),
-        )
-        for given, scan in zip(scans, found, strict=True):
-            if scan is not given:
-                for stage, seconds in scan.timings.items():
-                    self.clock.seconds[stage] = self.clock.seconds.get(stage, 0.0) + seconds
-        return found
 
     @property
     def insufficient(self) -> str:
@@ -325,17 +302,6 @@ def _method(
                 "prepare it again for another method"
             )
     return name, chosen
-
-
-def _prepared(
-    scan: Scan, role: str, method: Method[Any], verify: bool, min_length_scale: float
-) -> PreparedScan:
-    if not isinstance(scan, PreparedScan):
-        return prepared_as(role, scan, method, verify, min_length_scale)
-    lacks_features = scan.features is None and not (scan.insufficient or scan.unverifiable)
-    if (verify and lacks_features) or scan.length_scale < min_length_scale:
-        return prepared_as(role, scan.cloud, method, verify, min_length_scale)
-    return scan
 
 
 def _initial_pose(initial: ArrayLike | Pose | None) -> tuple[Pose | None, list[str]]:
