@@ -155,7 +155,7 @@ def prepared_pair(
     Scans of one sensor mostly have the same scale. A scan that is prepared for it is not prepared
     again.
     """
-    scans, scale = [target, source], 1.0
+    scans, found, scale = [target, source], list[PreparedScan](), 1.0
     for _ in range(2):
         found = parallel_map(
             lambda pair, scale=scale: _prepared(*pair, method, verify, scale),
