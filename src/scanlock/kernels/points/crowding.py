@@ -19,9 +19,9 @@ def _sampled_voxels(points: Points, voxel_size: float, sampling: int) -> tuple[L
     voxels = np.empty((points.shape[0], 3), np.int64)
     count = 0
     for p in range(points.shape[0]):
-        i = np.int64(np.floor(points[p, 0] * inverse))
-        j = np.int64(np.floor(points[p, 1] * inverse))
-        k = np.int64(np.floor(points[p, 2] * inverse))
+        i = int(np.floor(points[p, 0] * inverse))
+        j = int(np.floor(points[p, 1] * inverse))
+        k = int(np.floor(points[p, 2] * inverse))
         # Mixed by a product, since low bits of the hash follow the parity of the indices.
         mixed = (voxel_slot(i, j, k, last) * 0x9E3779B1) & 0xFFFFFFFF
         if (mixed >> (32 - _SAMPLE_BITS)) < limit:
@@ -42,7 +42,7 @@ def crowded_counts(
     voxel_size : float [m]
     min_points : int
     sampling : int
-        One in so many voxels is counted, with all of its points; 1 counts all.
+        Reciprocal of the ratio of the voxels that are counted, with all of their points.
 
     Returns
     -------

@@ -34,7 +34,7 @@ def test_every_pair_becomes_a_row(scanlock, table, tmp_path):
     assert (second["status"], second["error"]) == ("error", "FormatError")
     assert third["ok"] == "false"
     assert done.out.startswith("not all ok  1 of 3 pairs are verified")
-    assert "1 x error: " in done.out
+    assert "1 x error: " in " ".join(done.out.split())
     assert f"wrote {output}" in done.out
 
 
