@@ -120,9 +120,11 @@ def _interrupted_runs(arguments, number, max_runs, old=()):
     The folder `out` is empty before, or for every second run contains the files `old`.
     """
     shutil.rmtree("out", ignore_errors=True)
+    Path("out").mkdir()
     main(arguments)  # in this process, so that forks need not import or compile
     fresh = {path.name: path.read_bytes() for path in Path("out").iterdir() if path.is_file()}
     shutil.rmtree("out")
+    Path("out").mkdir()
     code, error, changes = _run(arguments)
     assert (code, error) == (0, "")
     assert changes > 0
@@ -244,20 +246,20 @@ sys.exit(main(sys.argv[2:]))
 @pytest.mark.parametrize("module", ["cyclopts", "numba.core.types"])
 def test_an_interrupt_during_imports_prints_nothing(workplace, module):
     done = subprocess.run(
-        [sys.executable, "-c", _WATCHED, module, "segment", "drive/0.npy", "-o", "new/labels.npy"],
+        [sys.executable, "-c", _WATCHED, module, "segment", "drive/0.npy", "-o", "labels.npy"],
         cwd=workplace,
         capture_output=True,
         text=True,
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
-    assert not (workplace / "new").exists()
+    assert not (workplace / "labels.npy").exists()
 
 
 def test_an_interrupt_during_compilation_prints_nothing(workplace, tmp_path):
     cache = tmp_path / "cache"
     with subprocess.Popen(
-        [sys.executable, "-c", _PROGRAM, "segment", "drive/0.npy", "-o", "new/labels.npy"],
+        [sys.executable, "-c", _PROGRAM, "segment", "drive/0.npy", "-o", "labels.npy"],
         cwd=workplace,
         env=os.environ | {"NUMBA_CACHE_DIR": str(cache)},
         stdout=subprocess.PIPE,
@@ -270,4 +272,4 @@ def test_an_interrupt_during_compilation_prints_nothing(workplace, tmp_path):
         process.send_signal(signal.SIGINT)
         out, error = process.communicate()
     assert (process.returncode, out, error) == (130, "", "")
-    assert not (workplace / "new").exists()
+    assert not (workplace / "labels.npy").exists()

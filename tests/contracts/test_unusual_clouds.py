@@ -133,7 +133,7 @@ def test_integers_are_converted_without_scaling(method):
         (np.zeros((9, 3), complex), "dtype complex128"),
         (np.zeros((9, 3), object), "convert it"),
         (np.zeros((1, 9, 3)), r"shape \(n, 3\)"),
-        (np.zeros(9, [("x", float), ("y", float), ("z", float)]), "np.column_stack"),
+        (np.zeros(9, [("a", float), ("b", float), ("c", float)]), "np.column_stack"),
     ],
 )
 def test_invalid_clouds_are_refused_with_a_remedy(method, scan, message):

@@ -65,6 +65,9 @@ class DistanceField:
         if len(points) == 0:
             raise InvalidInput("points must contain at least one point, got none")
         near = points[(np.abs(points - np.median(points, axis=0)) <= _MAX_EXTENT).all(axis=1)]
+        if len(near) == 0:
+            # A cloud this wide has its median between its points.
+            return cls(np.full((1, 1, 1), truncation), points[0], voxel_size, truncation)
         corner = near.min(axis=0) - truncation
         extent = near.max(axis=0) + truncation - corner
         shape = np.floor(extent / voxel_size).astype(np.int64) + 1

@@ -3,12 +3,20 @@
 import importlib
 from typing import Any
 
-from scanlock.errors import InvalidInput, MissingExtra
+from scanlock.errors import InvalidInput, MissingExtra, ScanlockError
 from scanlock.pipelines.many.batches import Batch
 from scanlock.pipelines.many.work import Job, register_batch_elsewhere
 from scanlock.pipelines.many.workers import Running
 
 _PROTOCOLS = ("tcp://", "tls://", "ws://", "wss://", "ucx://")
+
+
+_MAX_EMPTY_CHECKS = 6
+"""Maximum number of checks in a row without a worker, ten seconds apart."""
+
+
+class WorkersLost(ScanlockError):
+    """No worker of a cluster is left."""
 
 
 class ClusterWorkers:
@@ -27,6 +35,7 @@ class ClusterWorkers:
         self._owns_client = isinstance(executor, str)
         self._client: Any = _client(distributed, executor) if self._owns_client else executor
         self._running = set[Any]()
+        self._empty_checks = 0
 
     def count(self) -> int:
         """Return the number of threads of all workers, which may change; at least 1."""
@@ -49,6 +58,15 @@ class ClusterWorkers:
     def is_death(self, error: BaseException) -> bool:
         """Return whether more workers died with a batch than the scheduler allows."""
         return isinstance(error, self._killed)
+
+    def require_alive(self) -> None:
+        """Raise `WorkersLost` if the cluster has had no worker for a minute."""
+        self._empty_checks = 0 if self._client.nthreads() else self._empty_checks + 1
+        if self._empty_checks >= _MAX_EMPTY_CHECKS:
+            raise WorkersLost(
+                "the cluster has had no worker for a minute; start workers, and register the other "
+                "pairs (--resume at the command line)"
+            )
 
     def recover(self) -> None:
         """Do nothing: the nannies of Dask start workers again."""

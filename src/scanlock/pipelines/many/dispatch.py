@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 
 from scanlock.errors import ScanlockError
 from scanlock.pipelines.many.batches import Batch, Batches, BatchSize
@@ -14,6 +14,9 @@ from scanlock.pipelines.many.workers import Running, Workers
 
 _MAX_HELD_BATCHES = 50
 """Maximum number of batches, for each worker, between the next row and the last batch started."""
+
+_CHECK_SECONDS = 10.0
+"""Time between checks of the workers while no batch ends [s]."""
 
 
 class WorkerDied(ScanlockError):
@@ -43,12 +46,20 @@ class Dispatch:
         """Yield a row for each pair, in order; the workers end with the iterator."""
         try:
             while self._feed():
-                self._collect(self._ended.get())
+                self._collect(self._next_ended())
                 while self._next in self._rows:
                     self._next += 1
                     yield self._rows.pop(self._next - 1)
         finally:
             self._workers.close()
+
+    def _next_ended(self) -> Running:
+        """Wait for a batch to end; raise if no worker is left to end it."""
+        while True:
+            try:
+                return self._ended.get(timeout=_CHECK_SECONDS)
+            except Empty:
+                self._workers.require_alive()
 
     def _feed(self) -> bool:
         """Start batches; return whether any is running."""

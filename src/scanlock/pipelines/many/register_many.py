@@ -52,10 +52,10 @@ def register_many(
 
     Parameters
     ----------
-    pairs : iterable of Pair or (source, target)
-        Paths of scans, or points as for `register`. A scan that is given by its path and occurs in
-        several pairs is prepared once per process while its memory suffices. Pairs with common
-        scans should be neighbours.
+    pairs : iterable of Pair or tuple
+        A pair, or its source and target: paths of scans, or points as for `register`. A scan that
+        is given by its path and occurs in several pairs is prepared once per process while its
+        memory suffices. Pairs with common scans should be neighbours.
     method : str or Method
         As for `register`.
     dof : str

@@ -68,6 +68,10 @@ class Workers(Protocol):
         """Return whether a batch failed because its worker died."""
         ...
 
+    def require_alive(self) -> None:
+        """Raise if no worker is left, and none will come."""
+        ...
+
     def recover(self) -> None:
         """Replace dead workers; no batch is running."""
         ...
@@ -99,6 +103,9 @@ class CallerWorkers:
         """Return False."""
         return False
 
+    def require_alive(self) -> None:
+        """Do nothing: these workers are started again when they are lost."""
+
     def recover(self) -> None:
         """Do nothing."""
 
@@ -127,6 +134,9 @@ class ThreadWorkers:
     def is_death(self, error: BaseException) -> bool:
         """Return False: a thread does not die alone."""
         return False
+
+    def require_alive(self) -> None:
+        """Do nothing: these workers are started again when they are lost."""
 
     def recover(self) -> None:
         """Do nothing."""
@@ -160,6 +170,9 @@ class ProcessWorkers:
     def is_death(self, error: BaseException) -> bool:
         """Return whether a process died; the pool then fails all its batches."""
         return isinstance(error, BrokenProcessPool)
+
+    def require_alive(self) -> None:
+        """Do nothing: these workers are started again when they are lost."""
 
     def recover(self) -> None:
         """Replace the processes."""

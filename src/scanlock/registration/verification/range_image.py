@@ -51,7 +51,7 @@ class RangeImage:
 
     def visible_ratio(self, points: Points) -> float:
         """Return the ratio of (n, 3) points [m] of the scan that are not occluded."""
-        count, _, _ = self._visibility(points, Pose.identity(), np.ones(len(points)))
+        count, _, _ = self._visibility(points, Pose.identity(), read_only(np.ones(len(points))))
         return count / len(points)
 
     def _visibility(

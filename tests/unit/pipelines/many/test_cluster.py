@@ -49,7 +49,7 @@ def test_an_address_is_recognised(executor, expected):
     assert cluster.is_address(executor) is expected
 
 
-@pytest.mark.stress
+@pytest.mark.cluster
 @pytest.mark.filterwarnings("default")
 def test_an_address_without_a_scheduler_is_named(monkeypatch):
     pytest.importorskip("distributed")
@@ -57,7 +57,7 @@ def test_an_address_without_a_scheduler_is_named(monkeypatch):
         register_many([], executor="tcp://127.0.0.1:9")
 
 
-@pytest.mark.stress
+@pytest.mark.cluster
 @pytest.mark.filterwarnings("default")
 def test_a_cluster_gives_the_rows_of_one_thread(two_workers, pairs):
     one = list(register_many(pairs, executor=None))
@@ -68,7 +68,7 @@ def test_a_cluster_gives_the_rows_of_one_thread(two_workers, pairs):
     client.close()
 
 
-@pytest.mark.stress
+@pytest.mark.cluster
 @pytest.mark.filterwarnings("default")
 def test_a_worker_killed_midway_costs_no_row(two_workers, pairs):
     one = list(register_many(pairs, executor=None)) * 20
@@ -90,7 +90,7 @@ def test_a_worker_killed_midway_costs_no_row(two_workers, pairs):
     client.close()
 
 
-@pytest.mark.stress
+@pytest.mark.cluster
 @pytest.mark.filterwarnings("default")
 def test_a_pair_that_ends_every_worker_is_a_row_and_the_others_are_kept(two_workers, pairs):
     folder = pairs[0][0].parent

@@ -1,10 +1,13 @@
 import itertools
 from concurrent.futures import Future
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scanlock.pipelines.many import dispatch
+from scanlock.pipelines.many.cluster import ClusterWorkers, WorkersLost
 from scanlock.pipelines.many.dispatch import Dispatch
 from scanlock.pipelines.many.pair import Pair
 from scanlock.pipelines.many.pair_row import PairRow
@@ -49,6 +52,9 @@ class FakeWorkers:
         while self.running:
             self._end_one()
         return isinstance(error, Died)
+
+    def require_alive(self):
+        """Workers of tests do not die unnoticed."""
 
     def recover(self):
         assert not self.running
@@ -143,3 +149,32 @@ def test_rows_that_wait_for_an_earlier_one_are_bounded():
         dispatch._collect(dispatch._ended.get())
     assert dispatch._ended.empty()
     assert len(dispatch._rows) < next(read) < 5000
+
+
+def test_a_run_whose_workers_are_lost_ends_with_an_error(monkeypatch):
+    class Lost(FakeWorkers):
+        def submit(self, batch):
+            return Future()  # never ends
+
+        def require_alive(self):
+            raise WorkersLost("no worker")
+
+    monkeypatch.setattr(dispatch, "_CHECK_SECONDS", 0.01)
+    with pytest.raises(WorkersLost, match="no worker"):
+        list(Dispatch(iter([Pair(source="a.bin", target="b.bin")]), Lost()).rows())
+
+
+def test_a_cluster_without_workers_is_lost_after_a_minute():
+    workers = object.__new__(ClusterWorkers)
+    threads = {}
+    workers._client = SimpleNamespace(nthreads=lambda: threads)
+    workers._empty_checks = 0
+    for _ in range(5):
+        workers.require_alive()
+    threads["worker"] = 1
+    workers.require_alive()
+    threads.clear()
+    for _ in range(5):
+        workers.require_alive()
+    with pytest.raises(WorkersLost, match="start workers"):
+        workers.require_alive()
