@@ -151,7 +151,7 @@ def test_rows_that_wait_for_an_earlier_one_are_bounded():
     assert len(dispatch._rows) < next(read) < 5000
 
 
-def test_a_run_whose_workers_are_lost_ends_with_an_error(monkeypatch):
+def test_a_run_without_workers_ends_with_an_error(monkeypatch):
     class Lost(FakeWorkers):
         def submit(self, batch):
             return Future()  # never ends
