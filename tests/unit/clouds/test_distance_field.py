@@ -36,3 +36,9 @@ def test_invalid_input_is_rejected():
         DistanceField.from_points(np.empty((0, 3)), 0.5, 2.0)
     with pytest.raises(InvalidInput, match="voxel_size must be positive"):
         DistanceField.from_points(_points(), 0.0, 2.0)
+
+
+def test_a_cloud_without_points_near_its_median_is_far_from_everything():
+    points = np.array([[-1e6, 0.0, 0.0], [1e6, 0.0, 0.0]])
+    field = DistanceField.from_points(points, 0.5, 2.0)
+    np.testing.assert_array_equal(field.at(np.array([[0.0, 0.0, 0.0], [5.0, 5.0, 5.0]])), 2.0)
