@@ -8,8 +8,8 @@ import numpy as np
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.io.errors import malformed
-from scanlock.io.quaternions import pose_from_quaternion
 
 PADDING = "_"
 """Name of fields that are padding."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from scanlock.arrays import Matrix
+from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.geometry.rotations import quaternion_from_rotation, rotation_angle
-from scanlock.io.quaternions import pose_from_quaternion
 from scanlock.registration.result import RegistrationResult
 
 ERROR = "error"

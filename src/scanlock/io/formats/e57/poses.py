@@ -9,12 +9,12 @@ from xml.parsers import expat
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.atomic import atomic_file
 from scanlock.io.errors import malformed, require_regular_file
 from scanlock.io.formats.e57.library import REMEDY
 from scanlock.io.formats.e57.pages import read_xml, write_with_xml
-from scanlock.io.quaternions import pose_from_quaternion
 
 _SCANS, _IMAGES = "data3D", "images2D"
 _ELEMENT_DEPTH = 3

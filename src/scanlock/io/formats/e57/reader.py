@@ -9,6 +9,7 @@ import numpy as np
 
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.io.columns import Request, require_request_of_names
 from scanlock.io.errors import free_memory, malformed
 from scanlock.io.formats.e57.library import (
@@ -20,7 +21,6 @@ from scanlock.io.formats.e57.library import (
     libe57,
     opened,
 )
-from scanlock.io.quaternions import pose_from_quaternion
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
 from scanlock.io.stations import Station
 

@@ -6,6 +6,7 @@ import pytest
 
 from scanlock.errors import FormatError, InvalidInput, MissingExtra
 from scanlock.geometry.pose import Pose
+from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io import (
     ScanFile,
@@ -16,7 +17,6 @@ from scanlock.io import (
     write_scan,
     write_scans,
 )
-from scanlock.io.quaternions import pose_from_quaternion
 
 needs_pye57 = pytest.mark.skipif(importlib.util.find_spec("pye57") is None, reason="needs pye57")
 
