@@ -15,7 +15,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.columns import Request, find_coordinates, select_columns, unique_names
 from scanlock.io.crs.coordinate_system import CoordinateSystem
 from scanlock.io.errors import malformed
-from scanlock.io.formats.las.properties import LasProperties
+from scanlock.io.las_properties import LasProperties
 
 Field = NDArray[Any]
 """(n,) or (n, k) values, one row for each point."""

@@ -1,7 +1,6 @@
 """The coordinate reference system of a scan: EPSG code, name and units."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from scanlock.errors import InvalidInput, require_positive
 from scanlock.io.crs.from_wkt import StatedSystem, system_of_wkt
@@ -12,9 +11,7 @@ from scanlock.io.crs.units import (
     unit_of_projected_system,
     unit_of_vertical_system,
 )
-
-if TYPE_CHECKING:
-    from scanlock.io.formats.las.records import LasRecord
+from scanlock.io.las_properties import LasRecord
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,7 +46,7 @@ class CoordinateSystem:
     wkt: str = ""
     """Well-known text of the file; empty without one."""
 
-    records: tuple["LasRecord", ...] = ()
+    records: tuple[LasRecord, ...] = ()
     """Records of the LAS file that define the system, written again unchanged."""
 
     notes: tuple[str, ...] = ()

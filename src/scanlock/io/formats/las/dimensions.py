@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from scanlock.errors import InvalidInput
-from scanlock.io.formats.las.properties import ExtraDimension, LasProperties
+from scanlock.io.las_properties import ExtraDimension, LasProperties
 from scanlock.io.scan_file import Field
 
 COORDINATES = frozenset({"X", "Y", "Z", "x", "y", "z"})

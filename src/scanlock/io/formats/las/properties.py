@@ -1,12 +1,12 @@
-"""Properties of a LAS file beside its points, kept to write the file again."""
+"""Selection of the properties of a LAS file that a scan keeps."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from scanlock.io.formats.las.records import LasRecord
+from scanlock.io.formats.las.records import defines_system
+from scanlock.io.las_properties import ExtraDimension, LasProperties, LasRecord, Triple
 
 _DROPPED = {
     ("copc", 1): "COPC",
@@ -29,72 +29,6 @@ _REBUILT = {("laszip encoded", 22204), ("LASF_Spec", 4)}
 _WAVEFORM_BITS = 0b0110
 """Bits of the global encoding: waveform packets in the file or in another one."""
 
-Triple = tuple[float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ExtraDimension:
-    """Description of an extra dimension (extra bytes) of a LAS file."""
-
-    name: str
-    """Name."""
-
-    dtype: str
-    """Type of the stored values, as NumPy writes it: ``"<u2"``, or ``"<f4"`` of each element."""
-
-    elements: int = 1
-    """Number of values per point."""
-
-    description: str = ""
-    """Description."""
-
-    scales: tuple[float, ...] | None = None
-    """Steps of the stored whole numbers; None without scaling."""
-
-    offsets: tuple[float, ...] | None = None
-    """Offsets of the stored whole numbers; None without scaling."""
-
-    no_data: tuple[float, ...] | None = None
-    """Stored values that mean "no data"; None without any."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LasProperties:
-    """Properties of a LAS file beside its points and its coordinate reference system."""
-
-    version: str
-    """Version: ``"1.0"`` to ``"1.5"``."""
-
-    point_format: int
-    """Number of the point format."""
-
-    scales: Triple
-    """Steps of the coordinates in the unit of the file."""
-
-    offsets: Triple
-    """Offsets of the coordinates in the unit of the file."""
-
-    system_id: str = ""
-    """System identifier: the sensor, or the operation that made the file."""
-
-    software: str = ""
-    """Software that wrote the file."""
-
-    global_encoding: int = 0
-    """Bits of the header: kind of GPS time, WKT and others."""
-
-    file_source_id: int = 0
-    """Number of the flight line or file."""
-
-    project_id: bytes = bytes(16)
-    """GUID of the project."""
-
-    extra_dimensions: tuple[ExtraDimension, ...] = ()
-    """Extra dimensions."""
-
-    records: tuple[LasRecord, ...] = ()
-    """Other variable length records, without those of the coordinate reference system."""
-
 
 def properties_of(header: Any, records: Sequence[LasRecord]) -> tuple[LasProperties, list[str]]:
     """Return the properties of a LAS file to keep, and notes on those that are not kept.
@@ -111,7 +45,7 @@ def properties_of(header: Any, records: Sequence[LasRecord]) -> tuple[LasPropert
         key = (record.user_id, record.record_id)
         if key in _DROPPED:
             dropped.append(_DROPPED[key])
-        elif key not in _REBUILT and not record.defines_system:
+        elif key not in _REBUILT and not defines_system(record):
             kept.append(record)
     return LasProperties(
         version=str(header.version),

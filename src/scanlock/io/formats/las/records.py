@@ -5,13 +5,14 @@ The LAS 1.4 specification (R15) defines the records, and OGC 19-008 (GeoTIFF 1.1
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from scanlock.io.crs.coordinate_system import CoordinateSystem, system_from_statements
 from scanlock.io.crs.from_wkt import StatedSystem, system_of_wkt
 from scanlock.io.errors import malformed
 from scanlock.io.formats.las.geo_keys import directory_of_system, system_of_geo_keys
+from scanlock.io.las_properties import LasRecord
 
 _SIZE, _EXTENDED_SIZE = 54, 60
 _MAX_DATA_SIZE = 2**16 - 1
@@ -26,39 +27,19 @@ _SYSTEM_RECORDS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LasRecord:
-    """A variable length record, byte for byte."""
+def defines_system(record: LasRecord) -> bool:
+    """Return whether a record is part of a coordinate reference system."""
+    return (record.user_id, record.record_id) in _SYSTEM_RECORDS
 
-    user_id: str
-    """Registered name of the program or body that defines the record."""
 
-    record_id: int
-    """Number of the kind of record."""
+def has_geo_keys(record: LasRecord) -> bool:
+    """Return whether a record is a directory of GeoTIFF keys."""
+    return (record.user_id, record.record_id) == ("LASF_Projection", _KEYS)
 
-    description: bytes
-    """Description, at most 32 bytes."""
 
-    data: bytes
-    """Content."""
-
-    is_extended: bool = False
-    """Whether the record lies behind the points (LAS 1.4)."""
-
-    @property
-    def defines_system(self) -> bool:
-        """Whether the record is part of a coordinate reference system."""
-        return (self.user_id, self.record_id) in _SYSTEM_RECORDS
-
-    @property
-    def has_geo_keys(self) -> bool:
-        """Whether the record is a directory of GeoTIFF keys."""
-        return (self.user_id, self.record_id) == ("LASF_Projection", _KEYS)
-
-    @property
-    def has_wkt(self) -> bool:
-        """Whether the record is well-known text."""
-        return (self.user_id, self.record_id) == ("LASF_Projection", _WKT)
+def has_wkt(record: LasRecord) -> bool:
+    """Return whether a record is well-known text."""
+    return (record.user_id, record.record_id) == ("LASF_Projection", _WKT)
 
 
 def wkt_record(text: str) -> LasRecord:
@@ -151,17 +132,17 @@ def system_of_records(
     prefers_wkt : bool
         Whether the header of the file prefers WKT to GeoTIFF keys.
     """
-    used = tuple(record for record in records if record.defines_system)
+    used = tuple(record for record in records if defines_system(record))
     if not used:
         return None
     notes: list[str] = []
-    text = next((_text(record) for record in used if record.has_wkt), "")
+    text = next((_text(record) for record in used if has_wkt(record)), "")
     found: dict[str, StatedSystem] = {}
     try:
         found = {"WKT": system_of_wkt(text)} if text.strip() else {}
     except ValueError as error:
         notes.append(f"the WKT of the coordinate reference system is unreadable: {error}")
-    keys = next((record.data for record in used if record.has_geo_keys), b"")
+    keys = next((record.data for record in used if has_geo_keys(record)), b"")
     doubles, strings = (
         next((record.data for record in used if record.record_id == code), b"")
         for code in (_DOUBLES, _TEXT)

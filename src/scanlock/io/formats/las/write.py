@@ -11,8 +11,8 @@ from scanlock.errors import InvalidInput
 from scanlock.io.formats.las.backend import import_laspy, require_backend
 from scanlock.io.formats.las.dimensions import add_dimensions, fill_dimension
 from scanlock.io.formats.las.grid import coordinate_grid, on_grid
-from scanlock.io.formats.las.properties import LasProperties
-from scanlock.io.formats.las.records import WKT_BIT, LasRecord, key_records, wkt_record
+from scanlock.io.formats.las.records import WKT_BIT, has_geo_keys, has_wkt, key_records, wkt_record
+from scanlock.io.las_properties import LasProperties, LasRecord
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
 _INDEXED = ".copc.laz"
@@ -122,8 +122,8 @@ def _new_header(
         point_format = _COLOURED.get(point_format, point_format)
     known = _VERSIONS.get(point_format, ("1.4", "1.5"))
     version = kept.version if kept.version in known else known[0]
-    has_wkt = any(record.has_wkt for record in records)
-    is_wkt_only = has_wkt and not any(record.has_geo_keys for record in records)
+    states_wkt = any(map(has_wkt, records))
+    is_wkt_only = states_wkt and not any(map(has_geo_keys, records))
     if any(record.is_extended for record in records) or is_wkt_only:
         version = max(version, "1.4")
     header = laspy.LasHeader(version=version, point_format=point_format)
@@ -132,7 +132,7 @@ def _new_header(
     header.file_source_id = kept.file_source_id
     header.uuid = type(header.uuid)(bytes_le=kept.project_id)
     bits = kept.global_encoding & ~WKT_BIT
-    uses_wkt = is_wkt_only or (has_wkt and kept.global_encoding & WKT_BIT)
+    uses_wkt = is_wkt_only or (states_wkt and kept.global_encoding & WKT_BIT)
     header.global_encoding.value = bits | (WKT_BIT if uses_wkt else 0)
     header.vlrs = _laspy_records(laspy, records, is_extended=False)
     return header
