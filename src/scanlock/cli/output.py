@@ -38,7 +38,7 @@ def require_picture(path: Path) -> None:
 
 def require_apart(path: Path, inputs: Sequence[Path]) -> None:
     """Raise `InvalidInput` if an output file is one of the input files."""
-    from scanlock.io.stations import split_station
+    from scanlock.io.formats.stations import split_station
 
     for named in inputs:
         other, _ = split_station(named)

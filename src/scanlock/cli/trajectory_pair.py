@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from scanlock.arrays import Labels, Vector
     from scanlock.evaluation.sensor_axes import SensorAxes
     from scanlock.geometry.pose import Pose
-    from scanlock.io.trajectories import Trajectory
+    from scanlock.io.sequences.trajectory import Trajectory
 
 MatchedBy = Literal["time", "scan name", "scan number", "row"]
 """Property by which the rows of two trajectories are matched, the first that both have."""

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Vector, frozen
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
-from scanlock.io.sequences import ScanSequence, open_sequence
+from scanlock.io.sequences.open_sequence import open_sequence
+from scanlock.io.sequences.scan_sequence import ScanSequence
 from scanlock.pipelines.study import StudyPair
 from scanlock.simulation import SENSORS, SimulatedSequence, drive_through
 
@@ -143,7 +144,7 @@ def recorded_series(
     Parameters
     ----------
     folder : Path
-        See `scanlock.io.sequences.open_sequence`.
+        See `scanlock.io.open_sequence`.
     every : int
         Stride over the scans of the folder.
     scans : int, optional

@@ -22,8 +22,8 @@ from scanlock.io.formats.registry import (
     open_contents,
     require_format,
 )
+from scanlock.io.formats.stations import choose_station, split_station
 from scanlock.io.scan_file import ScanFile
-from scanlock.io.stations import choose_station, split_station
 
 Encoding = Literal["binary", "ascii", "compressed"]
 

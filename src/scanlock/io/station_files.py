@@ -8,9 +8,9 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
 from scanlock.io.formats.registry import FORMATS, format_of_name, open_contents, require_format
+from scanlock.io.formats.stations import require_stations
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import rescaled, scan_in_format
-from scanlock.io.stations import require_stations
 
 
 def read_scans(

@@ -8,7 +8,7 @@ from scanlock import Pose
 from scanlock.errors import InvalidInput
 from scanlock.experiments.series import ordinal_phrase, recorded_series, series_of, simulated_series
 from scanlock.io import read_scan, write_kitti_poses, write_scan
-from scanlock.io.sequences import ScanSequence
+from scanlock.io.sequences.scan_sequence import ScanSequence
 
 
 def test_pairs_are_neighbours_with_their_true_motion(series):

@@ -37,7 +37,7 @@ def apply(
     """
     from scanlock.cli.console import print_line
     from scanlock.cli.output import require_apart, require_folder, require_scan_file, write_cloud
-    from scanlock.io.poses import read_pose, read_pose_comment
+    from scanlock.io.poses.pose_files import read_pose, read_pose_comment
     from scanlock.io.transform import transform_scan
 
     require_scan_file(output)

@@ -260,7 +260,8 @@ def _series(
     import numpy as np
 
     from scanlock.experiments.series import recorded_series, series_of
-    from scanlock.io.sequences import ScanSequence, read_trajectory
+    from scanlock.io.poses.trajectory_files import read_trajectory
+    from scanlock.io.sequences.scan_sequence import ScanSequence
 
     if len(scans) == 1 and scans[0].is_dir():
         return recorded_series(scans[0], every=every, poses=ground_truth.poses)

@@ -75,7 +75,7 @@ def evaluate(
     from scanlock.cli.trajectory_pair import in_one_frame, pair_trajectories
     from scanlock.evaluation.error_summary import summarise
     from scanlock.evaluation.trajectory_errors import relative_errors
-    from scanlock.io.trajectories import open_trajectory
+    from scanlock.io.sequences.trajectory import open_trajectory
     from scanlock.report.canvas import save_figure
     from scanlock.report.trajectory_figure import trajectory_figure
 

@@ -16,7 +16,7 @@ from scanlock.cli.scan_input import Reading
 from scanlock.errors import InvalidInput, require_count, require_positive
 
 if TYPE_CHECKING:
-    from scanlock.io.sequences import ScanSequence
+    from scanlock.io.sequences.scan_sequence import ScanSequence
     from scanlock.registration.methods.protocol import Method
 
 MapFormat = Literal["ply", "pcd", "las", "laz", "npz"]
@@ -111,7 +111,7 @@ def map_folder(
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_table
     from scanlock.cli.method_option import chosen_method
-    from scanlock.io.sequences import open_sequence
+    from scanlock.io.sequences.open_sequence import open_sequence
     from scanlock.registration.registry import named_method
 
     files, reading = files or MapOutput(), reading or Reading()

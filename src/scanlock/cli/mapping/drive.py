@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scanlock.arrays import Points
     from scanlock.clouds.point_cloud import PointCloud
     from scanlock.geometry.pose import Pose
-    from scanlock.io.sequences import ScanSequence
+    from scanlock.io.sequences.scan_sequence import ScanSequence
     from scanlock.pipelines.odometry import OdometryStep
 
 Row = dict[str, str]
@@ -182,7 +182,7 @@ class Drive:
 
     def _write_rows(self, output: Path) -> None:
         from scanlock.io import atomic_file, write_kitti_poses, write_tum_poses
-        from scanlock.io.trajectories import SCAN_TABLE, write_scan_table
+        from scanlock.io.sequences.trajectory import SCAN_TABLE, write_scan_table
 
         times = self._sequence.times[: len(self.poses)]
         write_scan_table(output / SCAN_TABLE, self._sequence, len(self.poses))

@@ -10,7 +10,7 @@ from scanlock.cli.mapping.scans import MapScans
 from scanlock.cli.scan_input import Reading
 
 if TYPE_CHECKING:
-    from scanlock.io.sequences import ScanSequence
+    from scanlock.io.sequences.scan_sequence import ScanSequence
     from scanlock.pipelines.odometry import OdometryStep
 
 Unverified = Literal["keep", "stop"]

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from scanlock.arrays import Points
     from scanlock.clouds.point_cloud import PointCloud
     from scanlock.io import ScanFile
-    from scanlock.io.sequences import ScanSequence
+    from scanlock.io.sequences.scan_sequence import ScanSequence
 
     Values = NDArray[Any]
     Fields = dict[str, Values]
@@ -76,8 +76,8 @@ class MapScans:
         return first, {INTENSITY: _rows_of(intensity, cloud).astype(np.float32)}
 
     def _read(self, number: int) -> "Points":
+        from scanlock.io.description.guesses import time_field
         from scanlock.io.formats.registry import format_of_name
-        from scanlock.io.scan_guesses import time_field
 
         path = self._sequence.paths[number]
         if format_of_name(path) is None and self._reading.format is None:

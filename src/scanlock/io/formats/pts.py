@@ -13,11 +13,11 @@ import numpy as np
 from scanlock.errors import InvalidInput
 from scanlock.io.column_order import refuse_other_order
 from scanlock.io.columns import Request, numbered_names, require_writable_names
+from scanlock.io.formats.stations import Station
 from scanlock.io.formats.text import read_text
 from scanlock.io.formats.text_lines import TextLines
 from scanlock.io.numeric_text import table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
-from scanlock.io.stations import Station
 
 _COLOURS = ("red", "green", "blue")
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io.columns import Request, numbered_names, require_request_of_names
+from scanlock.io.formats.stations import Station
 from scanlock.io.formats.text_lines import TextLines
 from scanlock.io.numeric_text import table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, flat_fields, scan_from_columns
-from scanlock.io.stations import Station
 
 _HEADER_LINES = 10
 _MAX_SIZE = 10**9

@@ -20,11 +20,11 @@ from scanlock.io.formats.pcd import read_pcd, write_pcd
 from scanlock.io.formats.ply import read_ply, write_ply
 from scanlock.io.formats.pts import is_pts, pts_stations, write_pts
 from scanlock.io.formats.ptx import is_ptx, ptx_stations, write_ptx, write_ptx_stations
+from scanlock.io.formats.stations import Lister, only_station
 from scanlock.io.formats.text import read_text, write_text
 from scanlock.io.formats.vtk.legacy import read_vtk, write_vtk
 from scanlock.io.formats.vtk.xml import read_vtp
 from scanlock.io.scan_file import ScanFile
-from scanlock.io.stations import Lister, only_station
 
 Reader = Callable[[Path, bytes, Request], ScanFile]
 """Function of path (for messages), contents and requested columns that returns the scan."""

@@ -21,8 +21,8 @@ from scanlock.io.formats.e57.library import (
     libe57,
     opened,
 )
+from scanlock.io.formats.stations import Station
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
-from scanlock.io.stations import Station
 
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")

@@ -13,10 +13,10 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.datasets.ford import read_ford_scan
 from scanlock.io.datasets.kitti import read_clock_times, read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.scan_folders import natural_order, require_folder, scan_files
-from scanlock.io.scan_sequence import Loader, ScanSequence
+from scanlock.io.poses.trajectory_files import read_kitti_poses, read_trajectory, read_tum_poses
 from scanlock.io.scans import read_scan
-from scanlock.io.trajectory_files import read_kitti_poses, read_trajectory, read_tum_poses
+from scanlock.io.sequences.scan_folders import natural_order, require_folder, scan_files
+from scanlock.io.sequences.scan_sequence import Loader, ScanSequence
 
 
 def open_sequence(

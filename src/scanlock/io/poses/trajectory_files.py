@@ -14,7 +14,7 @@ from scanlock.geometry.quaternions import pose_from_quaternion
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.errors import malformed, read_bytes
 from scanlock.io.numeric_text import SEPARATORS, parse_rows, without_comments
-from scanlock.io.poses import REMEDY, rigid_pose, write_rows
+from scanlock.io.poses.pose_files import REMEDY, rigid_pose, write_rows
 
 
 def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:

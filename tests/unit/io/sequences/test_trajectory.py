@@ -10,7 +10,7 @@ from scanlock.io import (
     write_scan,
     write_tum_poses,
 )
-from scanlock.io.trajectories import open_trajectory, write_scan_table
+from scanlock.io.sequences.trajectory import open_trajectory, write_scan_table
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(6)]
 

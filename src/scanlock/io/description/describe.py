@@ -10,25 +10,25 @@ import numpy as np
 from scanlock.arrays import Points
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
-from scanlock.io.errors import malformed
-from scanlock.io.formats.registry import FORMATS
-from scanlock.io.scan_description import (
-    FieldSummary,
-    Guesses,
-    LasSummary,
-    ScanDescription,
-    SystemSummary,
-)
-from scanlock.io.scan_file import Field, ScanFile
-from scanlock.io.scan_guesses import (
+from scanlock.io.description.guesses import (
     guess_sensor,
     guess_time,
     ring_field,
     time_field,
     unit_questions,
 )
+from scanlock.io.description.scan_description import (
+    FieldSummary,
+    Guesses,
+    LasSummary,
+    ScanDescription,
+    SystemSummary,
+)
+from scanlock.io.errors import malformed
+from scanlock.io.formats.registry import FORMATS
+from scanlock.io.formats.stations import split_station
+from scanlock.io.scan_file import Field, ScanFile
 from scanlock.io.scans import Columns, read_scan
-from scanlock.io.stations import split_station
 
 _MAX_QUERIES = 5000
 """Number of points whose nearest neighbour is searched for the spacing, about."""

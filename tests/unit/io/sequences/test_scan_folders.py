@@ -4,7 +4,7 @@ import pytest
 from reference.samples import street, yaw_pose
 from scanlock.errors import FormatError
 from scanlock.io import write_kitti_poses, write_pose, write_scan, write_tum_poses
-from scanlock.io.scan_folders import require_folder, scan_files
+from scanlock.io.sequences.scan_folders import require_folder, scan_files
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
 

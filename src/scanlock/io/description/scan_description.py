@@ -4,7 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from scanlock.io.scan_guesses import TimeGuess
+from scanlock.io.description.guesses import TimeGuess
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -14,9 +14,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.io.atomic import atomic_file
 from scanlock.io.datasets.kitti import read_kitti_calibration, read_kitti_times
 from scanlock.io.errors import malformed
-from scanlock.io.scan_sequence import ScanSequence
-from scanlock.io.sequences import open_sequence
-from scanlock.io.trajectory_files import read_numbered_poses, read_trajectory
+from scanlock.io.poses.trajectory_files import read_numbered_poses, read_trajectory
+from scanlock.io.sequences.open_sequence import open_sequence
+from scanlock.io.sequences.scan_sequence import ScanSequence
 
 SCAN_TABLE = "scans.csv"
 """Name of the file with number, name and time of each row, in the folder of a trajectory."""

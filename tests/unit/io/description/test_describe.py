@@ -6,7 +6,7 @@ import pytest
 
 from scanlock.errors import FormatError
 from scanlock.io import CoordinateSystem, ScanFile, describe_scan, write_scan
-from scanlock.io.scan_guesses import guess_sensor, guess_time
+from scanlock.io.description.guesses import guess_sensor, guess_time
 
 
 def _describe(tmp_path, points, fields=None, **options):

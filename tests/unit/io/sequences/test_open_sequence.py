@@ -7,8 +7,7 @@ from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
 from scanlock.io.datasets.ford import VEHICLE_FROM_LASER, read_ford_scan
-from scanlock.io.sequences import open_sequence
-from scanlock.io.trajectory_files import read_trajectory
+from scanlock.io.sequences.open_sequence import open_sequence
 
 _POSES = [yaw_pose(0.1 * k, (1.0 * k, 0.5 * k, 0.0)) for k in range(12)]
 
@@ -251,17 +250,3 @@ def test_another_number_of_poses_than_scans_is_refused(tmp_path):
     write_kitti_poses(tmp_path / "poses.txt", _POSES[:5])
     with pytest.raises(FormatError, match="a pose for each of the 12 scans, found 5"):
         open_sequence(tmp_path / "drive", tmp_path / "poses.txt")
-
-
-def test_trajectories_are_read_in_both_formats(tmp_path):
-    write_kitti_poses(tmp_path / "k.txt", _POSES)
-    write_tum_poses(tmp_path / "t.txt", np.arange(12.0), _POSES)
-    times, poses = read_trajectory(tmp_path / "k.txt")
-    assert times is None
-    assert poses[7].is_close(_POSES[7], translation=1e-12, rotation=1e-7)
-    times, poses = read_trajectory(tmp_path / "t.txt")
-    np.testing.assert_array_equal(times, np.arange(12.0))
-    assert len(poses) == 12
-    (tmp_path / "x.txt").write_text("1 2 3\n")
-    with pytest.raises(FormatError):
-        read_trajectory(tmp_path / "x.txt")
