@@ -4,7 +4,6 @@ A sparse pair is registered in units of its length scale, see `scanlock.clouds.l
 that goes in is divided by it, and all that comes out is multiplied, so a caller sees metres.
 """
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,6 +12,7 @@ import numpy as np
 from scanlock.arrays import Matrix
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
+from scanlock.optimisation.solvers.notes import LengthNote
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.registration.verification.assessment import Assessment
@@ -20,9 +20,6 @@ from scanlock.registration.verification.observability import (
     DirectionObservability,
     Observability,
 )
-
-_LENGTH = re.compile(r"\d m\b")
-"""A length in a note of a method, which knows no other unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +61,10 @@ class LocalUnits:
             candidates=tuple(
                 one.with_pose(self.to_metres(one.target_from_source)) for one in solution.candidates
             ),
-            notes=tuple(self._note(one) for one in solution.notes),
+            notes=tuple(
+                one.scaled(self.scale) if isinstance(one, LengthNote) else one
+                for one in solution.notes
+            ),
             objective=None,
         )
 
@@ -84,9 +84,6 @@ class LocalUnits:
             observability=self._observability(assessment.observability),
             overlap_centroid=None if centroid is None else self.scale * centroid,
         )
-
-    def _note(self, note: str) -> str:
-        return f"{note} (in units of {self.scale:g} m)" if _LENGTH.search(note) else note
 
     def _quadratic(self, quadratic: Quadratic) -> Quadratic:
         gradient = quadratic.gradient / _factors(self.scale)

@@ -253,7 +253,7 @@ class _Call:
             hessian=solution.quadratic.hessian,
             history=solution.history,
             timings={**self.clock.seconds, "total": seconds},
-            notes=(*self.notes, *solution.notes),
+            notes=(*self.notes, *map(str, solution.notes)),
             candidates=tuple(
                 one.with_pose(caller(one.target_from_source)) for one in solution.candidates
             ),

@@ -1,6 +1,7 @@
 """Sparse clouds: registered in units of their length scale, with a result in metres."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from reference.samples import street, yaw_pose
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.assess import assess
+from scanlock.registration.methods.distance_rejection import AdaptiveRejection
+from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
 from scanlock.registration.verification.status import Status
@@ -75,6 +78,21 @@ def test_lengths_of_the_result_are_metres(found, source, target):
         assert one.deviation == pytest.approx(factor * other.deviation, rel=1e-3)
     for one, other in zip(sparse.history, dense.history, strict=True):
         np.testing.assert_allclose(one.pose.translation, scale * other.pose.translation, atol=1e-6)
+
+
+def test_lengths_of_notes_are_metres(source, target):
+    method = Gicp(rejection=AdaptiveRejection())
+    sparse = register(source=source, target=target, initial=_MOTION, method=method)
+    scale = sparse.length_scale
+    start = Pose(_MOTION.rotation, _MOTION.translation / scale)
+    dense = register(source=source / scale, target=target / scale, initial=start, method=method)
+    assert (scale > 2.0, dense.length_scale) == (True, 1.0)
+    lengths = [
+        float(re.search(r"distance D = (\S+) m, ", "\n".join(result.notes))[1])
+        for result in (sparse, dense)
+    ]
+    # Three digits are printed.
+    assert lengths[0] == pytest.approx(scale * lengths[1], rel=1e-2)
 
 
 def test_a_prior_in_metres_is_kept(source, target):

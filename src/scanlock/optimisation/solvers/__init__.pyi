@@ -10,6 +10,7 @@ from scanlock.optimisation.solvers.line_search import StrongWolfe as StrongWolfe
 from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton as LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente as MoreThuente
 from scanlock.optimisation.solvers.newton import Newton as Newton
+from scanlock.optimisation.solvers.notes import LengthNote as LengthNote
 from scanlock.optimisation.solvers.problem import Objective as Objective
 from scanlock.optimisation.solvers.problem import Quadratic as Quadratic
 from scanlock.optimisation.solvers.problem import Separable as Separable

@@ -7,6 +7,7 @@ from typing import Any
 from scanlock.arrays import short_repr
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
+from scanlock.optimisation.solvers.notes import Note
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 
 
@@ -54,7 +55,7 @@ class Solution:
     reason : StopReason
     history : tuple of Iteration
         All evaluations, in order.
-    notes : tuple of str
+    notes : tuple of str or LengthNote
         Notes for the user.
     objective : Objective or None
         Objective that was minimised, with its constraints; of several stages that of the last
@@ -69,7 +70,7 @@ class Solution:
     quadratic: Quadratic
     reason: StopReason
     history: tuple[Iteration, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     objective: Objective | None = None
     candidates: tuple[Any, ...] = ()
     runner_up_ratio: float = math.nan

@@ -20,6 +20,7 @@ from scanlock.errors import (
     require_fraction,
     require_positive,
 )
+from scanlock.optimisation.solvers.notes import LengthNote, Note
 
 _MAX_VALLEY_RATIO = 0.6
 """Maximum count of a valley of the histogram over that of the peak before it (Zhang 1994)."""
@@ -51,7 +52,7 @@ class Rejection(Protocol):
         """
         ...
 
-    def note(self, spacing: float) -> str:
+    def note(self, spacing: float) -> Note:
         """Return a note on values derived from the spacing; empty if there are none."""
         ...
 
@@ -75,7 +76,7 @@ class FixedRejection:
         """Return the fixed threshold [m]."""
         return self.max_correspondence_distance
 
-    def note(self, spacing: float) -> str:
+    def note(self, spacing: float) -> Note:
         """Return an empty note."""
         return ""
 
@@ -102,7 +103,7 @@ class TrimmedRejection:
         last = max(0, int(np.ceil(self.inlier_ratio * len(distances))) - 1)
         return float(np.partition(distances, last)[last])
 
-    def note(self, spacing: float) -> str:
+    def note(self, spacing: float) -> Note:
         """Return an empty note."""
         return ""
 
@@ -179,13 +180,14 @@ class AdaptiveRejection:
             else self.good_distance_in_spacings * spacing
         )
 
-    def note(self, spacing: float) -> str:
+    def note(self, spacing: float) -> Note:
         """Return D if it was derived from the spacing."""
         if self.good_distance is not None:
             return ""
-        return (
-            f"good correspondence distance D = {self.good_distance_at(spacing):.3g} m, "
-            f"{self.good_distance_in_spacings:g} times the spacing of the target"
+        return LengthNote(
+            "good correspondence distance D = {:.3g} m, "
+            f"{self.good_distance_in_spacings:g} times the spacing of the target",
+            (self.good_distance_at(spacing),),
         )
 
     def _by_case(self, distances: Vector, good: float) -> float:

@@ -18,6 +18,7 @@ from scanlock.optimisation.objectives.distribution_pairs import DistributionPair
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
+from scanlock.optimisation.solvers.notes import Note
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
@@ -167,7 +168,7 @@ class Gicp(Method[SurfaceScan]):
         """
         start = start or Pose.identity()
         *coarse, finest = cached_stages(target.stages)
-        pose, history, notes = start, list[Iteration](), tuple[str, ...]()
+        pose, history, notes = start, list[Iteration](), tuple[Note, ...]()
         scales = [stage.scale for stage in (*coarse, finest)]
         tolerances = stage_tolerances(
             self.step_tolerance, [self.coarse_tolerance * scale for scale in scales]

@@ -18,6 +18,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.optimisation.solvers.annealing import Annealing
 from scanlock.optimisation.solvers.criteria import StopReason
+from scanlock.optimisation.solvers.notes import LengthNote
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.methods.correspondences import PointScan
 from scanlock.segmentation.segmentation import Segmenter, is_obstacle
@@ -107,9 +108,9 @@ class AnnealedStart:
         min_reduced = (1.0 - self.min_improvement) * distances[0]
         if usable[0] is solutions[0] and distances[best] >= min_reduced:
             best = 0
-        note = (
-            f"annealing proposed {len(solutions) - 1} starts; trimmed mean distance "
-            f"{distances[best]:.3g} m"
+        note = LengthNote(
+            f"annealing proposed {len(solutions) - 1} starts; trimmed mean distance {{:.3g}} m",
+            (distances[best],),
         )
         return replace(usable[best], notes=(*usable[best].notes, note))
 

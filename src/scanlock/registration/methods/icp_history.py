@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
+from scanlock.optimisation.solvers.notes import LengthNote, Note
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.registration.methods.correspondences import Correspondences
@@ -38,13 +39,13 @@ class IcpConvergenceCriteria:
         require_positive("step_tolerance", self.step_tolerance, unit="m")
         require_count("max_iterations", self.max_iterations)
 
-    def reason(self, iterations: list[Iteration]) -> tuple[StopReason | None, str]:
+    def reason(self, iterations: list[Iteration]) -> tuple[StopReason | None, Note]:
         """Return why to stop after the last of these iterations, and a note; None to continue."""
         last = iterations[-1]
         if self.mean_distance is not None and last.mean_distance <= self.mean_distance:
-            return StopReason.STEP_SMALL, (
-                f"stopped at a mean distance of {last.mean_distance:.4g} m, at most "
-                f"{self.mean_distance:g} m"
+            return StopReason.STEP_SMALL, LengthNote(
+                "stopped at a mean distance of {:.4g} m, at most {:g} m",
+                (last.mean_distance, self.mean_distance),
             )
         if len(iterations) > 1:
             if last.step_norm < self.step_tolerance:
@@ -83,7 +84,7 @@ class IcpHistory:
     thresholds: list[float] = field(default_factory=list[float])
     """Distance threshold of each iteration [m]."""
 
-    notes: dict[str, None] = field(default_factory=dict[str, None])
+    notes: dict[Note, None] = field(default_factory=dict[Note, None])
     """Notes in order, without duplicates."""
 
     cycle_start: int = 0
@@ -146,12 +147,14 @@ class IcpHistory:
         """
         self.max_threshold = min(self.thresholds[-length:])
         self.cycle_start = len(self.iterations)
-        self.note(f"poses recurred: distance threshold at most {self.max_threshold:.3g} m")
+        self.note(
+            LengthNote("poses recurred: distance threshold at most {:.3g} m", (self.max_threshold,))
+        )
 
-    def note(self, text: str) -> None:
+    def note(self, note: Note) -> None:
         """Add a note unless it is empty."""
-        if text:
-            self.notes[text] = None
+        if note:
+            self.notes[note] = None
 
     def solution(
         self,

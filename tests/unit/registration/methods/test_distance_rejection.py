@@ -57,7 +57,7 @@ def test_without_a_valley_the_median_is_returned():
 def test_the_good_distance_comes_from_the_spacing_and_is_reported():
     rejection = AdaptiveRejection()
     assert rejection.good_distance_at(0.2) == pytest.approx(0.6)
-    assert rejection.note(0.2) == (
+    assert str(rejection.note(0.2)) == (
         "good correspondence distance D = 0.6 m, 3 times the spacing of the target"
     )
     given = AdaptiveRejection(good_distance=0.6)

@@ -35,7 +35,7 @@ def test_annealing_recovers_large_motions(layout, motion):
     found = register_pair(_pair(layout, motion), method=_ANNEALED)
     assert found.target_from_source.is_close(motion, translation=0.1, rotation=0.005)
     assert any(
-        note.startswith("annealing proposed 3 starts; trimmed mean distance")
+        str(note).startswith("annealing proposed 3 starts; trimmed mean distance")
         for note in found.notes
     )
 

@@ -37,7 +37,7 @@ def test_alternating_thresholds_are_bounded_by_their_minimum():
     solution = method.align(point_scan(_LATTICE), point_scan(source), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20
-    assert "poses recurred: distance threshold at most 0.5 m" in solution.notes
+    assert "poses recurred: distance threshold at most 0.5 m" in map(str, solution.notes)
     assert solution.history[-1].pairs == 48
     # The points that did not move fit exactly, and the bounded threshold keeps only these.
     assert solution.pose.is_close(Pose.identity(), translation=1e-6, rotation=1e-7)
@@ -64,7 +64,7 @@ def test_alternating_correspondences_end_the_iteration():
     solution = method.align(target, point_scan(_LATTICE), Pose.identity())
     assert solution.reason is StopReason.STEP_SMALL
     assert len(solution.history) < 20
-    assert "poses recurred: distance threshold at most 1 m" in solution.notes
+    assert "poses recurred: distance threshold at most 1 m" in map(str, solution.notes)
     positions = [one.pose.translation[0] for one in solution.history]
     np.testing.assert_allclose(np.sort(np.unique(np.round(positions, 9))), [0.0, 0.2])
 

@@ -84,7 +84,7 @@ def test_a_cycle_bounds_the_threshold_by_its_minimum():
     assert history.max_threshold == math.inf
     history.break_cycle(history.cycle_length(1e-6))
     assert history.max_threshold == 0.7
-    assert list(history.notes) == ["poses recurred: distance threshold at most 0.7 m"]
+    assert list(map(str, history.notes)) == ["poses recurred: distance threshold at most 0.7 m"]
 
 
 def test_poses_before_a_broken_cycle_are_not_compared():
@@ -136,7 +136,7 @@ def test_a_small_mean_distance_stops_from_the_first_iteration_on(distance, stops
         assert (reason, note) == (None, "")
         return
     assert reason is StopReason.STEP_SMALL
-    assert note == f"stopped at a mean distance of {distance:.4g} m, at most 0.1 m"
+    assert str(note) == f"stopped at a mean distance of {distance:.4g} m, at most 0.1 m"
 
 
 def test_the_mean_distance_is_ignored_by_default():
