@@ -1,5 +1,6 @@
 """Files of trajectories in KITTI and TUM format."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from scanlock.arrays import Labels, Matrix, Vector
+from scanlock.arrays import Labels, Vector
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.quaternions import pose_from_quaternion
@@ -15,6 +16,9 @@ from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.errors import malformed, read_bytes
 from scanlock.io.numeric_text import SEPARATORS, parse_rows, without_comments
 from scanlock.io.poses.pose_files import REMEDY, rigid_pose, write_rows
+
+_MAX_NUMBER = 2**53
+"""Numbers of scans are below this; larger ones have no exact double."""
 
 
 def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
@@ -37,11 +41,7 @@ def read_kitti_poses(path: str | os.PathLike[str]) -> list[Pose]:
         A line that is not a pose; the message gives its number.
     """
     path = Path(path)
-    lines, rows = _rows(path, 12)
-    return [
-        rigid_pose(path, f"line {line}", row.reshape(3, 4))
-        for line, row in zip(lines, rows, strict=True)
-    ]
+    return [rigid_pose(path, line, row.reshape(3, 4)) for line, row in _rows(path, 12)]
 
 
 def read_numbered_poses(path: str | os.PathLike[str]) -> tuple[Labels, list[Pose]]:
@@ -66,18 +66,10 @@ def read_numbered_poses(path: str | os.PathLike[str]) -> tuple[Labels, list[Pose
         A line that is not a number and a pose; the message gives its number.
     """
     path = Path(path)
-    lines, rows = _rows(path, 13)
-    for line, number in zip(lines, rows[:, 0].tolist(), strict=True):
-        if not (number >= 0.0 and number.is_integer()):
-            raise malformed(
-                path, f"line {line}", expected="the number of a scan", found=f"{number:g}",
-                remedy=REMEDY,
-            )  # fmt: skip
-    poses = [
-        rigid_pose(path, f"line {line}", row[1:].reshape(3, 4))
-        for line, row in zip(lines, rows, strict=True)
-    ]
-    return rows[:, 0].astype(np.int64), poses
+    rows = _rows(path, 13)
+    numbers = [_scan_number(path, line, row[0]) for line, row in rows]
+    poses = [rigid_pose(path, line, row[1:].reshape(3, 4)) for line, row in rows]
+    return np.array(numbers, np.int64), poses
 
 
 def read_trajectory(path: str | os.PathLike[str]) -> tuple[Vector | None, list[Pose]]:
@@ -150,22 +142,9 @@ def read_tum_poses(path: str | os.PathLike[str]) -> tuple[Vector, list[Pose]]:
         A line that is not a time and a pose; the message gives its number.
     """
     path = Path(path)
-    lines, rows = _rows(path, 8)
-    poses: list[Pose] = []
-    for line, row in zip(lines, rows, strict=True):
-        try:
-            if not np.isfinite(row[0]):
-                raise InvalidInput(f"a time must be finite, got {row[0]}")
-            poses.append(pose_from_quaternion(row[1:4].tolist(), row[[7, 4, 5, 6]].tolist()))
-        except InvalidInput as error:
-            raise malformed(
-                path,
-                f"line {line}",
-                expected="t x y z and a unit quaternion qx qy qz qw",
-                found=str(error),
-                remedy=REMEDY,
-            ) from error
-    return np.ascontiguousarray(rows[:, 0]), poses
+    rows = _rows(path, 8)
+    poses = [_pose_at_time(path, line, row) for line, row in rows]
+    return np.array([row[0] for _, row in rows]), poses
 
 
 def write_tum_poses(path: str | os.PathLike[str], times: ArrayLike, poses: Sequence[Pose]) -> None:
@@ -201,14 +180,39 @@ def _require_poses(poses: Sequence[Pose]) -> None:
         raise InvalidInput("poses must hold at least one pose to be written, got none")
 
 
-def _rows(path: Path, width: int) -> tuple[list[int], Matrix]:
-    """Return the line numbers and the (n, width) values of a trajectory file."""
-    data = read_bytes(path, "trajectory")
-    columns = parse_rows(path, without_comments(data).translate(SEPARATORS), width=width)
+def _rows(path: Path, width: int) -> list[tuple[str, Vector]]:
+    """Return each row of a trajectory file, (width,), with its line for messages."""
+    data = without_comments(read_bytes(path, "trajectory"))
+    columns = parse_rows(path, data.translate(SEPARATORS), width=width)
     if not columns:
         raise malformed(
             path, "data", expected=f"lines of {width} numbers", found="none", remedy=REMEDY
         )
-    texts = without_comments(data).split(b"\n")
-    lines = [number for number, text in enumerate(texts, start=1) if text.strip()]
-    return lines, np.stack(columns, axis=1).astype(np.float64)
+    rows = np.stack(columns, axis=1).astype(np.float64)
+    lines = [f"line {k}" for k, text in enumerate(data.split(b"\n"), start=1) if text.strip()]
+    return list(zip(lines, rows, strict=True))
+
+
+def _scan_number(path: Path, line: str, number: float) -> int:
+    if not (0.0 <= number < _MAX_NUMBER and float(number).is_integer()):
+        raise malformed(
+            path, line, expected="the number of a scan", found=f"{number:g}", remedy=REMEDY
+        )
+    return int(number)
+
+
+def _pose_at_time(path: Path, line: str, row: Vector) -> Pose:
+    """Return the pose of a row ``t x y z qx qy qz qw``."""
+    time, x, y, z, qx, qy, qz, qw = row.tolist()
+    try:
+        if not math.isfinite(time):
+            raise InvalidInput(f"a time must be finite, got {time}")
+        return pose_from_quaternion((x, y, z), (qw, qx, qy, qz))
+    except InvalidInput as error:
+        raise malformed(
+            path,
+            line,
+            expected="t x y z and a unit quaternion qx qy qz qw",
+            found=str(error),
+            remedy=REMEDY,
+        ) from error

@@ -63,6 +63,13 @@ def test_tum_quaternions_have_the_scalar_last(save):
         (read_kitti_poses, "0 1 0 0 0 0 1 0 0 0 0 1 0\n", "line 1: expected 12 numbers, found 13"),
         (read_kitti_poses, "# c\n\n1 0 0 0 0 1 0 0 0 0 2 0\n", "line 3: .* must be a rotation"),
         (read_kitti_poses, "# c\n", "lines of 12 numbers, found none"),
+        (
+            read_numbered_poses,
+            "0.5" + 12 * " 1",
+            "line 1: expected the number of a scan, found 0.5",
+        ),
+        (read_numbered_poses, "1e300" + 12 * " 1", "line 1: expected the number of a scan"),
+        (read_numbered_poses, "-1" + 12 * " 1", "line 1: expected the number of a scan, found -1"),
         (read_tum_poses, "0 1 2 3 0 0 0 1\n# c\n1 1 2 3 0 0 0 2\n", "line 3: .*norm 1, got 2"),
         (read_tum_poses, "nan 1 2 3 0 0 0 1\n", "line 1: .*time must be finite"),
         (read_tum_poses, "0 1 2 inf 0 0 0 1\n", "line 1"),
