@@ -1,12 +1,12 @@
-"""The method options of a command: a name or a settings file, and changes of single settings."""
+"""Options of the registration method: a name or a settings file, and changes of single settings."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from scanlock.cli.option_types import MethodName
+from scanlock.cli.option_types import DofName, MethodName
 from scanlock.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -28,30 +28,51 @@ Changes = Annotated[
 """Changed settings of the method, each ``key=value``."""
 
 
-def chosen_method(
-    name: MethodName | None, settings: Path | None, changes: Sequence[str] = ()
-) -> "str | Method[Any]":
-    """Return the method of a name or a settings file, else the default.
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MethodOptions:
+    """Options of a command that registers with one method."""
 
-    Parameters
-    ----------
-    name : str, optional
-    settings : Path, optional
-    changes : sequence of str
-        Settings to change, each ``key=value``.
+    method: Annotated[
+        MethodName | None, Parameter(help="Registration method; auto by default.")
+    ] = None
+    """Name of the method."""
 
-    Raises
-    ------
-    InvalidInput
-        Both a name and a file are given, or a change is not valid.
-    """
-    from scanlock.registration.registry import DEFAULT_METHOD, named_method
-    from scanlock.registration.settings.changes import changed_settings
-    from scanlock.registration.settings.file import read_settings
+    settings: Annotated[
+        Path | None,
+        Parameter(help="A method with your own settings: TOML as printed by scanlock settings."),
+    ] = None
+    """Settings file, in place of a name."""
 
-    if settings is not None and name is not None:
-        raise InvalidInput("give either --method or --settings: the settings file names its method")
-    if settings is None:
-        key, method = named_method(name or DEFAULT_METHOD)
-        return changed_settings(method, changes, CHANGES) if changes else key
-    return changed_settings(read_settings(settings), changes, CHANGES)
+    changes: Changes = ()
+    """Settings to change."""
+
+    dof: Annotated[
+        DofName,
+        Parameter(
+            help="Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) "
+            "and planar motion (xy+yaw). The others keep the initial pose."
+        ),
+    ] = "xyz+rpy"
+    """Degrees of freedom."""
+
+    def chosen(self) -> "str | Method[Any]":
+        """Return the method of the name or the settings file, else the default.
+
+        Raises
+        ------
+        InvalidInput
+            Both a name and a file are given, or a change is not valid.
+        """
+        from scanlock.registration.registry import DEFAULT_METHOD, named_method
+        from scanlock.registration.settings.changes import changed_settings
+        from scanlock.registration.settings.file import read_settings
+
+        if self.settings is not None and self.method is not None:
+            raise InvalidInput(
+                "give either --method or --settings: the settings file names its method"
+            )
+        if self.settings is None:
+            key, method = named_method(self.method or DEFAULT_METHOD)
+            return changed_settings(method, self.changes, CHANGES) if self.changes else key
+        return changed_settings(read_settings(self.settings), self.changes, CHANGES)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from scanlock.cli.method_option import CHANGES, Changes
+from scanlock.cli.method_options import CHANGES, Changes
 from scanlock.cli.option_types import Flag, MethodName
 from scanlock.cli.run_options import Options, changed_options, digest, write_options
 from scanlock.cli.scan_input import Reading

@@ -9,8 +9,8 @@ from cyclopts import Group, Parameter
 
 from scanlock.cli.mapping.drive import PAIRS, Drive, Row, read_rows
 from scanlock.cli.mapping.run import MapRun, Unverified, print_lines
-from scanlock.cli.method_option import Changes
-from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
+from scanlock.cli.method_options import MethodOptions
+from scanlock.cli.option_types import CovarianceName, Flag
 from scanlock.cli.run_options import Options, changed_options, digest
 from scanlock.cli.scan_input import Reading
 from scanlock.errors import InvalidInput, require_count, require_positive
@@ -59,10 +59,7 @@ def map_folder(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    method: MethodName | None = None,
-    settings: Path | None = None,
-    changes: Changes = (),
-    dof: DofName = "xyz+rpy",
+    how: MethodOptions | None = None,
     every: int = 1,
     scans: int | None = None,
     guess: Literal["identity", "velocity"] = "velocity",
@@ -81,13 +78,6 @@ def map_folder(
         Folder of scans: plain, KITTI, Ford Campus, or from scanlock simulate.
     output : Path
         Folder for trajectory, map and table of pairs.
-    method : str
-        Registration method; auto by default.
-    settings : Path
-        A method with your own settings: TOML as printed by scanlock settings.
-    dof : str
-        Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
-        motion (xy+yaw).
     every : int
         Use every k-th scan.
     scans : int
@@ -110,20 +100,19 @@ def map_folder(
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_table
-    from scanlock.cli.method_option import chosen_method
     from scanlock.io.sequences.open_sequence import open_sequence
     from scanlock.registration.registry import named_method
 
-    files, reading = files or MapOutput(), reading or Reading()
+    how, files, reading = how or MethodOptions(), files or MapOutput(), reading or Reading()
     require_count("--every", every)
     require_count("--scans", 2 if scans is None else scans, 2)
     require_count("--threads", threads)
     require_positive("--voxel-size", files.voxel_size, unit="m")
-    chosen = named_method(chosen_method(method, settings, changes))[1]
+    chosen = named_method(how.chosen())[1]
     sequence = open_sequence(folder, every=every, count=scans)
     if len(sequence) < 2:
         raise InvalidInput(f"{folder} must contain at least 2 scans, got {len(sequence)}")
-    options = _options(chosen, dof, every, guess, covariance, files, reading)
+    options = _options(chosen, how.dof, every, guess, covariance, files, reading)
     known = _known_rows(output, files, options, sequence, unverified)
     _require_format(files.map_format)
     output.mkdir(exist_ok=True)
@@ -131,7 +120,7 @@ def map_folder(
     keywords = {
         "method": chosen,
         "guess": guess,
-        "dof": dof,
+        "dof": how.dof,
         "covariance": False if covariance == "none" else covariance,
     }
     run = MapRun(drive, sequence, reading, output, threads, keywords)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from scanlock.cli.method_option import Changes
-from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
+from scanlock.cli.method_options import MethodOptions
+from scanlock.cli.option_types import CovarianceName, Flag
 from scanlock.cli.result_files import ResultFiles
 from scanlock.cli.scan_input import LoadedScan, Reading, system_notes
 from scanlock.errors import InvalidInput, require_positive
@@ -25,11 +25,8 @@ def register(
     target: Path,
     /,
     *,
-    method: MethodName | None = None,
-    settings: Path | None = None,
-    changes: Changes = (),
+    how: MethodOptions | None = None,
     initial: Path | None = None,
-    dof: DofName = "xyz+rpy",
     prior: Annotated[tuple[float, float] | None, Parameter(negative="")] = None,
     fix_degenerate: Flag = False,
     covariance: CovarianceName = "sandwich",
@@ -47,15 +44,8 @@ def register(
         The scan that moves.
     target : Path
         The scan that stays.
-    method : str
-        Registration method; auto by default.
-    settings : Path
-        A method with your own settings: TOML as printed by scanlock settings.
     initial : Path
         Initial pose, target from source (4x4 matrix in text, .json or .npy), or the word identity.
-    dof : str
-        Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
-        motion (xy+yaw). The others keep the initial pose.
     prior : tuple of float
         Standard deviations of the initial pose in metres and degrees.
     fix_degenerate : bool
@@ -78,15 +68,14 @@ def register(
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_json, print_line
     from scanlock.cli.errors import complain
-    from scanlock.cli.method_option import chosen_method
     from scanlock.cli.results import show_history, show_registration
     from scanlock.registration.register import register as registered
     from scanlock.registration.registry import named_method
 
-    files = files or ResultFiles()
+    how, files = how or MethodOptions(), files or ResultFiles()
     files.check((source, target))
     begin = time.perf_counter()
-    chosen = chosen_method(method, settings, changes)
+    chosen = how.chosen()
     given, start = (None, None) if initial is None else _read_initial(initial)
     gaussian = None if prior is None else _prior(start, *prior)
     moving, fixed = ((reading or Reading()).load(path) for path in (source, target))
@@ -98,7 +87,7 @@ def register(
             method=chosen,
             # Uncorrected, so that a note of the result reports the correction.
             initial=given,
-            dof=dof,
+            dof=how.dof,
             prior=gaussian,
             fix_degenerate=fix_degenerate,
             covariance=False if covariance == "none" else covariance,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from scanlock.cli.option_types import CovarianceName, DofName, Flag, MethodName
+from scanlock.cli.method_options import MethodOptions
+from scanlock.cli.option_types import CovarianceName, Flag
 from scanlock.cli.scan_input import Reading
 from scanlock.errors import InvalidInput, require_count
 
@@ -28,9 +29,7 @@ def register_many(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     resume: Flag = False,
     overwrite: Flag = False,
-    method: MethodName | None = None,
-    settings: Path | None = None,
-    dof: DofName = "xyz+rpy",
+    how: MethodOptions | None = None,
     covariance: CovarianceName = "none",
     workers: int | None = None,
     executor: Literal["processes", "threads"] = "processes",
@@ -50,13 +49,6 @@ def register_many(
         Keep the rows of an existing output, and register the pairs that it lacks.
     overwrite : bool
         Replace an existing output.
-    method : str
-        Registration method; auto by default.
-    settings : Path
-        A method with your own settings: TOML as printed by scanlock settings.
-    dof : str
-        Degrees of freedom to estimate: all, or fewer for levelled scanners (xyz+yaw) and planar
-        motion (xy+yaw).
     covariance : str
         Estimate the covariance of each pose; see scanlock register.
     workers : int
@@ -71,7 +63,6 @@ def register_many(
     int
         The exit code: 0 if every pose is verified, 2 if not.
     """
-    from scanlock.cli.method_option import chosen_method
     from scanlock.pipelines.many.pair import read_pairs
     from scanlock.pipelines.many.register_many import register_many as registered
     from scanlock.registration.registry import named_method
@@ -79,21 +70,21 @@ def register_many(
     if workers is not None:
         require_count("--workers", workers, 1)
     _check_output(output, resume, overwrite)
-    chosen = chosen_method(method, settings)
+    how, reading = how or MethodOptions(), reading or Reading()
+    chosen = how.chosen()
     total = sum(1 for _ in read_pairs(pairs))
     run = _Run(pairs, output, total)
     left = run.pairs_left(named_method(chosen)[0], resume)
-    options = reading or Reading()
     if scheduler is None:
         _compile_missing()
     rows = registered(
         left,
         method=chosen,
-        dof=dof,
+        dof=how.dof,
         covariance=False if covariance == "none" else covariance,
         executor=scheduler or executor,
         workers=None if scheduler else workers,
-        read=options.reader(),
+        read=reading.reader(),
     )
     return run.write(rows, append=resume)
 

@@ -74,6 +74,7 @@ def test_json_lines_have_the_same_values(scanlock, table, tmp_path):
         (("-o", "rows.txt"), "the output must end in .csv, .jsonl"),
         (("-o", "missing/rows.csv"), "the folder missing of the output does not exist"),
         (("-o", "rows.csv", "--workers", "0"), "--workers must be a whole number"),
+        (("-o", "rows.csv", "--set", "voxelsize=1"), "--set: voxelsize is not"),
     ],
 )
 def test_a_wrong_option_is_named(scanlock, table, tmp_path, monkeypatch, words, message):

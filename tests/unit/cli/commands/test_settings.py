@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 
 from scanlock import AnnealedStart, InvalidInput
-from scanlock.cli.method_option import chosen_method
+from scanlock.cli.method_options import MethodOptions
 from scanlock.registration.registry import DEFAULT_METHOD, METHODS
 from scanlock.registration.settings.file import settings_from_toml
 
@@ -27,14 +27,14 @@ def test_the_first_settings_fit_on_a_screen(scanlock):
 def test_single_settings_are_changed_on_the_command_line(scanlock, scans, tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('method = "icp"\nneighbours = 12\n')
-    changes = ["voxel_size=0.4", "annealing=AnnealedStart", "annealing.seed=7"]
+    changes = ("voxel_size=0.4", "annealing=AnnealedStart", "annealing.seed=7")
     expected = replace(
         METHODS["icp"], neighbours=12, voxel_size=0.4, annealing=AnnealedStart(seed=7)
     )
-    assert chosen_method(None, path, changes) == expected
-    assert chosen_method("icp", None) == "icp"
+    assert MethodOptions(settings=path, changes=changes).chosen() == expected
+    assert MethodOptions(method="icp").chosen() == "icp"
     with pytest.raises(InvalidInput, match=r"--set: voxelsize is not .*; did you mean voxel_size"):
-        chosen_method("icp", None, ["voxelsize=1"])
+        MethodOptions(method="icp", changes=("voxelsize=1",)).chosen()
 
 
 def test_written_settings_can_be_used_in_a_registration(scanlock, scans, tmp_path):
