@@ -1,41 +1,24 @@
 """Cost of generalised ICP: correspondences with covariances (Segal et al. 2009, eq. 2)."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from scanlock.arrays import Labels, Matrix, Points, Vector, frozen, read_only
+from scanlock.arrays import Labels, Vector, read_only
 from scanlock.geometry.pose import Pose
-from scanlock.kernels.gaussians.pairs import pair_precisions, pair_terms
+from scanlock.kernels.gaussians.pairs import pair_precisions
 from scanlock.models.gaussians import unpacked
 from scanlock.models.surface_points import SurfacePoints
-from scanlock.optimisation.solvers.problem import (
-    Contributions,
-    Curvature,
-    Quadratic,
-    contributions_of_rows,
-)
+from scanlock.optimisation.objectives.point_pairs import PointPairs
+from scanlock.optimisation.solvers.problem import Curvature
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DistributionPairs:
-    """Correspondences found at one pose, fixed while the pose changes. Build with `at`.
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class DistributionPairs(PointPairs):
+    """Cost of point correspondences with the covariances of both surfaces. Build with `at`.
 
-    The value is the mean over the correspondences of half the squared Mahalanobis distance,
-    ``d' B d / 2`` with ``d`` from the target point to the source point and
-    ``B = (C_t + R C_s R')^-1``. The factor of one half is that of minus the logarithm of a
-    Gaussian, which a prior is weighed against.
-
-    Attributes
-    ----------
-    target, source : SurfacePoints
-    target_rows, source_rows : (m,)
-        Rows of the points of each correspondence.
-    precisions : (m, 6) [1/m^2]
-        ``B`` of each correspondence, packed.
-    curvature : str
-        Exact Hessian, or its convex part.
+    The residual is a Mahalanobis distance: the precision of a correspondence is
+    ``B = (C_t + R C_s R')^-1``.
 
     Notes
     -----
@@ -43,17 +26,6 @@ class DistributionPairs:
     and the code after them. If it followed the pose, it would bias the rotation: surfaces at an
     angle have the larger sum of covariances, and so the smaller distance.
     """
-
-    target: SurfacePoints
-    source: SurfacePoints
-    target_rows: Labels
-    source_rows: Labels
-    precisions: Matrix
-    curvature: Curvature
-
-    def __post_init__(self) -> None:
-        for array in (self.target_rows, self.source_rows, self.precisions):
-            frozen(array)
 
     @classmethod
     def at(
@@ -81,45 +53,17 @@ class DistributionPairs:
         precisions = pair_precisions(
             target.covariances, source.covariances, target_rows, source_rows, pose.rotation
         )
-        return cls(target, source, target_rows, source_rows, precisions, curvature)
-
-    @property
-    def count(self) -> int:
-        """Number of correspondences."""
-        return len(self.target_rows)
+        return cls(
+            target=target.points,
+            source=source.points,
+            target_rows=target_rows,
+            source_rows=source_rows,
+            precisions=precisions,
+            curvature=curvature,
+        )
 
     def squared_distances(self, pose: Pose) -> Vector:
         """Return the (m,) squared Mahalanobis distances ``d' B d`` at `pose`."""
-        moved = pose.apply(self.source.points[self.source_rows])
-        residuals = moved - self.target.points[self.target_rows]
+        moved = pose.apply(self.source[self.source_rows])
+        residuals = moved - self.target[self.target_rows]
         return np.einsum("ma,mab,mb->m", residuals, unpacked(self.precisions), residuals)
-
-    @property
-    def positions(self) -> Points:
-        """Point of the source of each correspondence."""
-        return self.source.points[self.source_rows]
-
-    def linearise(self, pose: Pose) -> Quadratic:
-        """Return value, gradient and Hessian at `pose`."""
-        terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
-        return Quadratic.from_terms(terms)
-
-    def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
-        """Return the gradient and Hessian of each block of correspondences at `pose`."""
-        arrays = self.precisions, self.target_rows, self.source_rows
-        return contributions_of_rows(blocks, arrays, partial(self._terms, pose))
-
-    def _terms(
-        self, pose: Pose, precisions: Matrix, target_rows: Labels, source_rows: Labels
-    ) -> Vector:
-        terms = pair_terms(
-            self.target.points,
-            self.source.points,
-            precisions,
-            target_rows,
-            source_rows,
-            pose.rotation,
-            pose.translation,
-            float(self.curvature == "exact"),
-        )
-        return terms / max(1, self.count)
