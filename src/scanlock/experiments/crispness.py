@@ -3,9 +3,20 @@
 import math
 from collections.abc import Mapping
 
-from scanlock.experiments.experiment import Outcome
+from scanlock.experiments.experiment import Outcome, Section
 from scanlock.experiments.pairwise import SOLVED
 from scanlock.report.tables import Cell, Column, Table
+
+
+def crispness_section(
+    outcome: Outcome, counts: Mapping[str, int], published: Mapping[str, int], baseline: str
+) -> Section:
+    """Return the section of a page with Table I and remarks on it; see `crispness_table`."""
+    return Section(
+        title="Crispness of the maps (Table I)",
+        tables={"crispness": crispness_table(counts, published, baseline)},
+        remarks=crispness_remarks(outcome, counts, published, baseline),
+    )
 
 
 def crispness_table(

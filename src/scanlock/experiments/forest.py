@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from scanlock.experiments.claims import accurate, crisper, judged, loses_pairs, more_accurate
-from scanlock.experiments.crispness import crispness_remarks, crispness_table
+from scanlock.experiments.crispness import crispness_section
 from scanlock.experiments.experiment import (
     Claim,
     Experiment,
@@ -47,14 +47,10 @@ def _analyse(outcome: Outcome, progress: Progress) -> Findings:
     trajectories = trajectories_of(outcome)
     drawn = [name for name in _DRAWN if name in trajectories]
     maps = build_maps(outcome.series, trajectories, drawn, progress)
-    counts = {name: maps.crispness(name) for name in maps.points}
+    counts = maps.counts
     return Findings(
         sections=[
-            Section(
-                title="Crispness of the maps (Table I)",
-                tables={"crispness": crispness_table(counts, PUBLISHED, G_ICP)},
-                remarks=crispness_remarks(outcome, counts, PUBLISHED, G_ICP),
-            ),
+            crispness_section(outcome, counts, PUBLISHED, G_ICP),
             Section(title="The maps (Figure 4)", figures={"maps": map_figure(maps.drawn)}),
             Section(
                 title="Accuracy (not measured in the paper)",

@@ -36,9 +36,10 @@ class MapSet:
     points: Mapping[str, NDArray[np.float32]]
     drawn: Mapping[str, DrawnMap]
 
-    def crispness(self, name: str) -> int:
-        """Return the number of filled voxels of a map."""
-        return len(self.points[name])
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of filled voxels of each map."""
+        return {name: len(points) for name, points in self.points.items()}
 
 
 def build_maps(

@@ -12,7 +12,7 @@ from scanlock.experiments.claims import (
     low_errors,
     more_accurate,
 )
-from scanlock.experiments.crispness import crispness_remarks, crispness_table
+from scanlock.experiments.crispness import crispness_section
 from scanlock.experiments.experiment import (
     Claim,
     Experiment,
@@ -58,15 +58,11 @@ def _analyse(outcome: Outcome, progress: Progress) -> Findings:
     trajectories = trajectories_of(outcome)
     drawn = [name for name in _DRAWN if name in trajectories]
     maps = build_maps(outcome.series, trajectories, drawn, progress)
-    counts = {name: maps.crispness(name) for name in maps.points}
+    counts = maps.counts
     return Findings(
         sections=[
             *_accuracy(outcome),
-            Section(
-                title="Crispness of the maps (Table I)",
-                tables={"crispness": crispness_table(counts, PUBLISHED, G_ICP)},
-                remarks=crispness_remarks(outcome, counts, PUBLISHED, G_ICP),
-            ),
+            crispness_section(outcome, counts, PUBLISHED, G_ICP),
             Section(
                 title="Claims of the paper",
                 claims=judged(_claims(outcome, counts), len(outcome.pairs)),

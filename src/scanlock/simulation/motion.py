@@ -5,9 +5,10 @@ constant twist, ``world_from_frame(t) = world_from_frame(0) @ exp(t * twist)``.
 """
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from scanlock.arrays import Matrix, Vector
+from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import hat, log_rotation
 
@@ -49,6 +50,20 @@ def screw(twist: Vector, times: Vector) -> tuple[NDArray[np.float64], Matrix]:
         + (angle - sine) / rate * (square @ velocity)
     )
     return rotations, translations
+
+
+def checked_twist(twist: ArrayLike | None) -> Vector:
+    """Return a twist as (6,) float64, zero for None.
+
+    Raises
+    ------
+    InvalidInput
+        Another shape, or numbers that are not finite.
+    """
+    checked = np.zeros(6) if twist is None else np.array(twist, np.float64)
+    if checked.shape != (6,) or not np.isfinite(checked).all():
+        raise InvalidInput(f"twist must be six finite numbers, got {checked.tolist()}")
+    return checked
 
 
 def carried(pose: Pose, twist: Vector, time: float) -> Pose:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.arrays import Labels, Points, Vector, frozen, short_repr
-from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.simulation.motion import carried, screw
+from scanlock.simulation.motion import carried, checked_twist, screw
 from scanlock.simulation.sensors import Sensor
 from scanlock.simulation.world import World
 
@@ -110,9 +109,7 @@ def simulate_scan(
     InvalidInput
         A twist of another shape, or not finite.
     """
-    twist = np.zeros(6) if twist is None else np.array(twist, np.float64)
-    if twist.shape != (6,) or not np.isfinite(twist).all():
-        raise InvalidInput(f"twist must be six finite numbers, got {twist.tolist()}")
+    twist = checked_twist(twist)
     firing = sensor.firing_times()
     rotations, translations = screw(twist, firing - 0.5 * sensor.period)
     beams = sensor.directions()

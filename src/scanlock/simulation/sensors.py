@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scanlock.arrays import Points, Vector
 from scanlock.errors import (
@@ -95,10 +96,7 @@ class Sensor:
         heading = np.pi - 2.0 * np.pi * np.arange(self.azimuth_steps) / self.azimuth_steps
         azimuth = heading[:, None] + np.array(self.azimuth_offsets)
         elevation = np.broadcast_to(np.array(self.elevations), azimuth.shape)
-        horizontal = np.cos(elevation)
-        return np.stack(
-            [horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=2
-        ).reshape(-1, 3)
+        return unit_vectors(azimuth, elevation).reshape(-1, 3)
 
     def detection(self, distances: Vector, cosines: Vector) -> Vector:
         """Compute the probability of a return.
@@ -186,6 +184,16 @@ def os1_64() -> Sensor:
 
 SENSORS = {"hdl_64e": hdl_64e, "hdl_32e": hdl_32e, "os1_64": os1_64}
 """Functions that return the sensors, by name."""
+
+
+def unit_vectors(
+    azimuths: NDArray[np.float64], elevations: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the (..., 3) unit vectors of directions [rad]: azimuths from x to y, elevations up."""
+    horizontal = np.cos(elevations)
+    return np.stack(
+        [horizontal * np.cos(azimuths), horizontal * np.sin(azimuths), np.sin(elevations)], axis=-1
+    )
 
 
 def _scatter(count: int) -> Vector:

@@ -16,8 +16,8 @@ def test_maps_contain_the_scans_at_the_poses_of_the_trajectory(series):
         every = [
             pose.apply(series.load(scan)) for scan, pose in zip(series.names, poses, strict=True)
         ]
-        assert maps.crispness(name) == crispness(np.concatenate(every))
-    assert maps.crispness("true") < maps.crispness("still")
+        assert maps.counts[name] == crispness(np.concatenate(every))
+    assert maps.counts["true"] < maps.counts["still"]
 
 
 def test_drawn_maps_contain_the_points_above_the_ground(series):
@@ -43,4 +43,4 @@ def test_a_scan_that_cannot_be_read_is_omitted(series):
     trajectories = {"true": series.true_trajectory()}
     whole = build_maps(series, trajectories, [], no_progress)
     incomplete = build_maps(replace(series, load=load), trajectories, [], no_progress)
-    assert 0 < incomplete.crispness("true") < whole.crispness("true")
+    assert 0 < incomplete.counts["true"] < whole.counts["true"]

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scanlock.errors import InvalidInput
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.columns import Request, require_request_of_names, require_writable_names
 from scanlock.io.errors import check_body_size, malformed
+from scanlock.io.formats.column_storage import row_table, with_common_type
 from scanlock.io.formats.pcd_header import PADDING, PcdHeader, parse_header
 from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
@@ -62,7 +62,7 @@ def write_pcd(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
         flat = [part for values in columns.values() for part in values.reshape(len(scan), -1).T]
         handle.write(table_lines(flat, " "))
     elif encoding == "binary":
-        handle.write(_row_table(columns, len(scan)).tobytes())
+        handle.write(row_table(columns).tobytes())
     else:
         _write_compressed(path, handle, columns)
 
@@ -158,23 +158,9 @@ def _write_compressed(path: Path, handle: BinaryIO, columns: dict[str, Field]) -
     handle.write(packed.tobytes())
 
 
-def _row_table(columns: dict[str, Field], count: int) -> NDArray[Any]:
-    layout: list[Any] = [
-        (name, values.dtype.newbyteorder("<"), values.shape[1:]) for name, values in columns.items()
-    ]
-    table = np.empty(count, dtype=layout)
-    for name, values in columns.items():
-        table[name] = values
-    return table
-
-
 def _storable(path: Path, name: str, values: Field) -> Field:
-    kind, size = values.dtype.kind, values.dtype.itemsize
-    if kind == "b":
-        return values.astype(np.uint8)
-    if kind == "f" and size == 2:
-        return values.astype(np.float32)
-    if kind not in "fiu" or size > 8 or values.size == 0:
+    values = with_common_type(values)
+    if values.dtype.kind not in "fiu" or values.dtype.itemsize > 8 or values.size == 0:
         raise InvalidInput(
             f"{path}: PCD cannot hold field {name} of type {values.dtype} and shape "
             f"{values.shape}; convert it to numbers of at most 8 bytes"

@@ -8,6 +8,7 @@ import numpy as np
 from scanlock.errors import InvalidInput
 from scanlock.io.columns import Request, require_request_of_names, require_writable_names
 from scanlock.io.errors import check_body_size, malformed
+from scanlock.io.formats.column_storage import row_table, with_common_type
 from scanlock.io.formats.foreign import refuse_packed_ply
 from scanlock.io.formats.ply_header import PlyElement, PlyHeader, parse_header
 from scanlock.io.numeric_text import as_declared_type, parse_rows, table_lines, truncation_notes
@@ -76,20 +77,12 @@ def write_ply(path: Path, handle: BinaryIO, scan: ScanFile, encoding: str) -> No
     if encoding == "ascii":
         handle.write(table_lines(list(columns.values()), " "))
         return
-    layout: list[Any] = [(name, part.dtype.newbyteorder("<")) for name, part in columns.items()]
-    table = np.empty(len(scan), dtype=layout)
-    for name, part in columns.items():
-        table[name] = part
-    handle.write(table.tobytes())
+    handle.write(row_table(columns).tobytes())
 
 
 def _storable(path: Path, name: str, values: Field) -> Field:
-    kind, size = values.dtype.kind, values.dtype.itemsize
-    if kind == "b":
-        return values.astype(np.uint8)
-    if kind == "f" and size == 2:
-        return values.astype(np.float32)
-    if kind in "iu" and size == 8:
+    values = with_common_type(values)
+    if values.dtype.kind in "iu" and values.dtype.itemsize == 8:
         if len(values) and max(abs(int(values.min())), abs(int(values.max()))) > _EXACT_INTEGER:
             raise InvalidInput(
                 f"{path}: integers of PLY must be within 2^53, got larger ones in field {name}; "

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from scanlock.arrays import Matrix, Points, Vector, frozen
-from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.ladar.mount import PanTiltMount
 from scanlock.simulation.ladar.sensor import FacetLadar, points_from_ranges
-from scanlock.simulation.motion import screw
+from scanlock.simulation.motion import checked_twist, screw
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.scan import SimulatedScan
 from scanlock.simulation.world import World
@@ -83,9 +82,7 @@ def simulate_frame(
     InvalidInput
         A twist of another shape, or not finite; a reading beyond the limits of the platform.
     """
-    twist = np.zeros(6) if twist is None else np.array(twist, np.float64)
-    if twist.shape != (6,) or not np.isfinite(twist).all():
-        raise InvalidInput(f"twist must be six finite numbers, got {twist.tolist()}")
+    twist = checked_twist(twist)
     firing = np.repeat(ladar.firing_times(), ladar.rows_per_facet, axis=0).ravel()
     delays = firing - 0.5 * ladar.frame_time
     origins, directions = _rays(ladar, mount.vehicle_from_sensor(pan, tilt), pose, twist, delays)

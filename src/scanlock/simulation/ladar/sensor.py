@@ -21,6 +21,7 @@ from scanlock.errors import (
     require_positive,
 )
 from scanlock.simulation.ladar.mount import PanTiltMount
+from scanlock.simulation.sensors import unit_vectors
 from scanlock.simulation.waves import smoothstep
 
 _MIN_COSINE = 1e-9
@@ -140,10 +141,7 @@ class FacetLadar:
     def directions(self) -> NDArray[np.float64]:
         """Return the (r, c, 3) unit vectors of the pixels in the frame of the ladar."""
         elevation, azimuth = np.meshgrid(self.elevations(), self.azimuths(), indexing="ij")
-        horizontal = np.cos(elevation)
-        return np.stack(
-            [horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), np.sin(elevation)], axis=2
-        )
+        return unit_vectors(azimuth, elevation)
 
     def firing_times(self) -> Matrix:
         """Return the (facets, columns) times of firing, from the start of a frame [s]."""

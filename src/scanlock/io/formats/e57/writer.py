@@ -13,6 +13,7 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import quaternion_from_rotation
 from scanlock.io.columns import require_writable_names
+from scanlock.io.formats.column_storage import with_common_type
 from scanlock.io.formats.e57.library import FIELDS, INVALID, NAMES, NORMALS, buffer_type, libe57
 from scanlock.io.scan_file import Field, ScanFile, flat_fields
 
@@ -129,17 +130,14 @@ def _storable_fields(path: Path, scan: ScanFile) -> dict[str, Field]:
 
 
 def _storable(path: Path, name: str, values: Field) -> Field:
+    values = with_common_type(values)
     kind, size = values.dtype.kind, values.dtype.itemsize
     if name not in _DEFINED and not (name[0].isalpha() and name.replace("_", "").isalnum()):
         raise InvalidInput(
             f"{path}: a field name of E57 must be letters, digits and underscores, got {name!r}; "
             "rename it"
         )
-    if kind == "b":
-        values = values.astype(np.uint8)
-    elif kind == "f" and size == 2:
-        values = values.astype(np.float32)
-    elif kind == "u" and size == 8 and int(values.max()) < 2**63:
+    if kind == "u" and size == 8 and int(values.max()) < 2**63:
         values = values.astype(np.int64)
     elif kind not in "iuf" or size > 8 or (kind == "u" and size == 8):
         raise InvalidInput(

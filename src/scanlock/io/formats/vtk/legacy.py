@@ -11,6 +11,7 @@ import numpy as np
 
 from scanlock.errors import InvalidInput
 from scanlock.io.columns import Request, require_request_of_names, require_writable_names
+from scanlock.io.formats.column_storage import with_common_type
 from scanlock.io.formats.vtk.legacy_sections import SectionReader
 from scanlock.io.numeric_text import table_lines, truncation_notes
 from scanlock.io.scan_file import Field, ScanFile, scan_from_columns
@@ -97,10 +98,7 @@ def _write_values(handle: BinaryIO, table: Field, is_text: bool) -> None:
 
 
 def _storable(path: Path, name: str, values: Field) -> Field:
-    if values.dtype.kind == "b":
-        return values.astype(np.uint8)
-    if values.dtype == np.float16:
-        return values.astype(np.float32)
+    values = with_common_type(values)
     if values.dtype.str[1:] not in _TYPE_NAMES or values.size == 0:
         raise InvalidInput(f"{path}: VTK cannot hold field {name} of type {values.dtype}")
     return values
