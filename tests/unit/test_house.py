@@ -19,6 +19,7 @@ _PACKAGE = _ROOT / "src" / "scanlock"
 _MODULES = sorted(_PACKAGE.rglob("*.py"))
 _KERNELS = sorted((_PACKAGE / "kernels").rglob("*.py"))
 _MAX_LINES = 350
+_MAX_MODULES = 20
 
 
 def _name(path):
@@ -83,6 +84,13 @@ def test_a_module_is_short_and_says_what_it_is_for(path):
     assert len(text.splitlines()) < _MAX_LINES
     assert "TODO" not in text
     assert ast.get_docstring(ast.parse(text))
+
+
+@pytest.mark.parametrize(
+    "folder", sorted({path.parent for path in _MODULES}), ids=lambda folder: folder.name
+)
+def test_a_folder_has_few_modules(folder):
+    assert len(list(folder.glob("*.py"))) <= _MAX_MODULES
 
 
 _PACKAGES = [

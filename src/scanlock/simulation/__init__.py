@@ -23,11 +23,9 @@ from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scenes.forests import forest, forest_walk
-from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.scenes.rugged import XUV, rugged, rugged_drive
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.streets import street, street_drive
-from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
 from scanlock.simulation.sequence import (
     SCENES,
@@ -36,6 +34,8 @@ from scanlock.simulation.sequence import (
     drive_through,
     scan_pair,
 )
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
 from scanlock.simulation.world import RayHits, World
 
 __all__ = [

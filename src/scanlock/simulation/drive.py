@@ -11,9 +11,9 @@ from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.simulation.motion import twist_between
-from scanlock.simulation.scenes.height_field import HeightField
-from scanlock.simulation.scenes.track import Track
-from scanlock.simulation.waves import Waves
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
+from scanlock.simulation.terrain.waves import Waves
 
 _SWEEP_DURATION = 0.1
 """Time over which twists are averaged [s]: a sweep of a common lidar."""

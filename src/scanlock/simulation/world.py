@@ -13,7 +13,7 @@ from scanlock.kernels.simulation.ray_tree import box_tree
 from scanlock.simulation.objects.mover import Mover
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 
 GROUND_OBJECT = 0
 """Object number of the terrain."""

@@ -13,8 +13,8 @@ from scanlock.simulation.objects.shapes import boxes, cones, ellipsoids
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 from scanlock.simulation.scan import simulate_scan
-from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.sensors import Sensor
+from scanlock.simulation.terrain.height_field import HeightField
 from scanlock.simulation.world import World
 
 _KINDS = ["box", "cone", "ellipsoid", "disc", "triangle"]

@@ -22,7 +22,7 @@ from scanlock.errors import (
 )
 from scanlock.simulation.ladar.mount import PanTiltMount
 from scanlock.simulation.sensors import unit_vectors
-from scanlock.simulation.waves import smoothstep
+from scanlock.simulation.terrain.waves import smoothstep
 
 _MIN_COSINE = 1e-9
 """Lower bound of cosines and of fading widths, to avoid a division by zero."""

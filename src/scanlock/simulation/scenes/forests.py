@@ -7,12 +7,12 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.simulation.drive import ROBOT, Drive
 from scanlock.simulation.objects import furniture, plants
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.site import Site, upright_pose
-from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.scenes.world_builder import WorldBuilder
-from scanlock.simulation.waves import Waves
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
+from scanlock.simulation.terrain.waves import Waves
 
 _MARGIN = 70.0
 """Extent of the terrain beyond the path [m]."""

@@ -12,7 +12,7 @@ from scanlock.errors import require_count, require_positive
 from scanlock.simulation.objects.shapes import boxes, triangles
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 from scanlock.simulation.world import World
 
 _HALF_LENGTH = 300.0

@@ -9,9 +9,9 @@ from scanlock.arrays import Matrix, Points, Vector
 from scanlock.simulation.objects.shapes import triangles
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
-from scanlock.simulation.scenes.track import Track
-from scanlock.simulation.waves import Waves, smoothstep
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
+from scanlock.simulation.terrain.waves import Waves, smoothstep
 
 KERB = 0.13
 """Height of a pavement above the road [m]."""

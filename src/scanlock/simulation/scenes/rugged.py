@@ -9,12 +9,12 @@ from scanlock.arrays import Matrix, Vector
 from scanlock.simulation.drive import Carrier, Drive
 from scanlock.simulation.objects import furniture, plants
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.site import Site, upright_pose
-from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.scenes.world_builder import WorldBuilder
-from scanlock.simulation.waves import Waves
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
+from scanlock.simulation.terrain.waves import Waves
 
 XUV = Carrier(sensor_height=1.5, wheelbase=2.0, gauge=1.4, speed=5.6, sway=0.02, wander=0.3)
 """An off-road vehicle of 3 m by 1.7 m at 20 km/h, with its frame 1.5 m above the ground."""

@@ -7,8 +7,8 @@ import numpy as np
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.drive import Carrier, Drive, drive_along, sensor_on_ground
-from scanlock.simulation.scenes.height_field import HeightField
-from scanlock.simulation.scenes.track import Track
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
 from scanlock.simulation.world import World
 
 

@@ -5,14 +5,14 @@ import numpy as np
 from scanlock.arrays import Vector
 from scanlock.simulation.drive import CAR, Drive
 from scanlock.simulation.objects import furniture, plants, traffic
-from scanlock.simulation.scenes.height_field import HeightField
 from scanlock.simulation.scenes.plots import build_plots
 from scanlock.simulation.scenes.roads import PAVEMENT, Road, RoadNetwork
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.site import Site, car_pose, upright_pose
-from scanlock.simulation.scenes.track import Track
 from scanlock.simulation.scenes.world_builder import WorldBuilder, closed
-from scanlock.simulation.waves import Waves
+from scanlock.simulation.terrain.height_field import HeightField
+from scanlock.simulation.terrain.track import Track
+from scanlock.simulation.terrain.waves import Waves
 
 _MARGIN = 110.0
 """Extent of the terrain beyond the loop [m]."""

@@ -6,7 +6,7 @@ from scanlock.arrays import Points
 from scanlock.geometry.pose import Pose
 from scanlock.simulation.objects.mover import Mover
 from scanlock.simulation.objects.surfaces import Surfaces
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 from scanlock.simulation.world import GROUND_OBJECT, World
 
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from reference import ray_casting as reference
 from scanlock.kernels.simulation.ray_ground import cast_at_ground
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 
 
 def _field(seed, shape=(21, 34), relief=1.0):

@@ -15,7 +15,7 @@ from scanlock.simulation.ladar.sequence import AHEAD_AND_DOWN, LadarSequence, la
 from scanlock.simulation.motion import carried
 from scanlock.simulation.objects.shapes import boxes, ellipsoids
 from scanlock.simulation.objects.surface_class import SurfaceClass
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 from scanlock.simulation.world import World
 
 _EXACT = FacetLadar(

@@ -1,7 +1,6 @@
 import numpy as np
 
 from scanlock.simulation.scenes.site import Site, car_pose, upright_pose
-from scanlock.simulation.waves import Waves, smoothstep
 
 
 def test_a_claim_succeeds_once_and_only_on_free_ground():
@@ -29,22 +28,3 @@ def test_objects_are_upright_and_cars_have_both_axles_on_the_ground():
     car = car_pose(lambda xy: 0.1 * xy[:, 1], np.array([5.0, 6.0]), np.pi / 2)
     axles = car.apply(np.array([[1.3, 0.0, 0], [-1.3, 0, 0]]))
     np.testing.assert_allclose(axles[:, 2], 0.1 * axles[:, 1], atol=1e-12)
-
-
-def test_waves_have_the_given_deviation_and_minimum_length():
-    waves = Waves.drawn(np.random.default_rng(3), 0.5, 10.0, 40.0)
-    x = np.random.default_rng(4).uniform(-5000, 5000, (20000, 2))
-    values = waves.at(x)
-    assert abs(values.mean()) < 0.05
-    assert 0.45 < values.std() < 0.55
-    slope = (waves.at(x + np.array([0.01, 0.0])) - values) / 0.01
-    assert np.abs(slope).max() < 2 * np.pi / 10.0 * np.abs(waves.heights).sum()
-
-
-def test_smoothstep_rises_from_0_to_1():
-    x = np.linspace(-1, 4, 101)
-    y = smoothstep(x, 0.0, 2.0)
-    assert (y[x <= 0] == 0).all()
-    assert (y[x >= 2] == 1).all()
-    assert (np.diff(y) >= 0).all()
-    assert smoothstep(np.array([1.0]), 0.0, 2.0)[0] == 0.5

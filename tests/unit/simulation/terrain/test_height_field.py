@@ -5,7 +5,7 @@ import pytest
 
 from reference import ray_casting as reference
 from scanlock.errors import InvalidInput
-from scanlock.simulation.scenes.height_field import HeightField
+from scanlock.simulation.terrain.height_field import HeightField
 
 
 def test_heights_are_interpolated_bilinearly():

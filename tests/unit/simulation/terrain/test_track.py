@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.simulation.scenes.track import Track
+from scanlock.simulation.terrain.track import Track
 
 
 def _circle(radius=20.0):
