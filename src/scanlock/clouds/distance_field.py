@@ -78,8 +78,13 @@ class DistanceField:
 
     def at(self, queries: Points) -> Vector:
         """Return the (m,) distances [m] of (m, 3) queries, accurate to about a voxel."""
-        indices = np.floor((queries - self.corner) / self.voxel_size).astype(np.int64)
-        is_inside = ((indices >= 0) & (indices < self.distances.shape)).all(axis=1)
-        distances = np.full(len(queries), self.truncation)
-        distances[is_inside] = self.distances[tuple(indices[is_inside].T)]
+        # Simulated annealing looks up a few hundred points at thousands of poses, so that NumPy's
+        # overhead counts: one flat index is twice as fast as three of a mask.
+        _, rows, columns = self.distances.shape
+        cells = np.floor((queries - self.corner) / self.voxel_size)
+        inside = np.minimum(np.maximum(cells, 0.0), np.subtract(self.distances.shape, 1.0))
+        indices = (inside @ np.array([rows * columns, columns, 1.0])).astype(np.intp)
+        distances = self.distances.ravel().take(indices)
+        x, y, z = (cells != inside).T
+        distances[x | y | z] = self.truncation
         return distances

@@ -89,10 +89,8 @@ def compare_axes(estimate: Sequence[Pose], truth: Sequence[Pose]) -> SensorAxes:
     """
     require_same_length(estimate, truth)
     spacing = max(1, min(_MAX_SPACING, len(truth) // 4))
-    moved, turned = (
-        _Agreement.of(*(vectors(poses, spacing) for poses in (estimate, truth)))
-        for vectors in (_translations, _rotation_vectors)
-    )
+    estimated, true = (_motions(poses, spacing) for poses in (estimate, truth))
+    moved, turned = (_Agreement.of(a, b) for a, b in zip(estimated, true, strict=True))
     best, conditioning = _rotation(moved.cross + turned.cross)
     relation = _relation(best, moved, turned, is_determined=conditioning > _CONTRADICTS)
     return SensorAxes(relation=relation, truth_from_estimate=best)
@@ -137,16 +135,15 @@ def _rotation(cross: Matrix) -> tuple[Matrix, float]:
     return u @ np.diag([1.0, 1.0, sign]) @ vt, float(singular[1] + sign * singular[2])
 
 
-def _motions(poses: Sequence[Pose], spacing: int) -> list[Pose]:
-    return [a.inverse() @ b for a, b in zip(poses[:-spacing], poses[spacing:], strict=True)]
-
-
-def _translations(poses: Sequence[Pose], spacing: int) -> Points:
-    return np.array([one.translation for one in _motions(poses, spacing)]).reshape(-1, 3)
-
-
-def _rotation_vectors(poses: Sequence[Pose], spacing: int) -> Points:
-    return np.array([log_rotation(one.rotation) for one in _motions(poses, spacing)]).reshape(-1, 3)
+def _motions(poses: Sequence[Pose], spacing: int) -> tuple[Points, Points]:
+    """Return the translations [m] and the rotation vectors [rad] of all motions."""
+    rotations = np.array([pose.rotation for pose in poses])
+    translations = np.array([pose.translation for pose in poses])
+    back = rotations[:-spacing].transpose(0, 2, 1)
+    steps = translations[spacing:] - translations[:-spacing]
+    moved = (back @ steps[:, :, None])[:, :, 0]
+    turned = [log_rotation(rotation) for rotation in back @ rotations[spacing:]]
+    return moved, np.array(turned).reshape(-1, 3)
 
 
 def in_other_frame(poses: Sequence[Pose], other_from_sensor: Pose) -> list[Pose]:

@@ -136,7 +136,7 @@ class Pose:
                 f"nearest rotation by {difference:.3g} (at most {_ROTATION_TOLERANCE:g} is "
                 f"corrected): {_remedy(array)}"
             )
-        return cls(rotation, array[:3, 3])
+        return cls._of_poses(rotation, array[:3, 3])
 
     @classmethod
     def from_step(cls, step: Vector) -> "Pose":
@@ -168,7 +168,8 @@ class Pose:
         if not isinstance(other, Pose):
             return self.apply(other)
         return Pose._of_poses(
-            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+            self.rotation.dot(other.rotation),
+            self.rotation.dot(other.translation) + self.translation,
         )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
@@ -179,16 +180,16 @@ class Pose:
 
     def inverse(self) -> "Pose":
         """Return the inverse transform."""
-        return Pose._of_poses(self.rotation.T, -(self.rotation.T @ self.translation))
+        return Pose._of_poses(self.rotation.T, -self.rotation.T.dot(self.translation))
 
     def retract(self, step: Vector) -> "Pose":
         """Return this pose followed by a small step ``(rho, phi)`` in the target frame."""
         increment = exp_rotation(step[3:])
-        rotation = increment @ self.rotation
+        rotation = increment.dot(self.rotation)
         # Long chains of products lose orthonormality. One Newton step to the nearest rotation
         # (Higham 1986) squares the rounding error.
-        rotation = 1.5 * rotation - 0.5 * (rotation @ (rotation.T @ rotation))
-        return Pose._of_poses(rotation, increment @ self.translation + step[:3])
+        rotation = 1.5 * rotation - 0.5 * rotation.dot(rotation.T.dot(rotation))
+        return Pose._of_poses(rotation, increment.dot(self.translation) + step[:3])
 
     def perturbed(self, step: Vector) -> "Pose":
         """Return the perturbed pose ``[exp(phi) R, t + rho]`` for a step ``(rho, phi)`` [m, rad].
@@ -224,8 +225,8 @@ class Pose:
 
     def distance(self, other: "Pose") -> tuple[float, float]:
         """Return the distance to another pose: translation [m] and rotation angle [rad]."""
-        translation = float(np.linalg.norm(self.translation - other.translation))
-        return translation, rotation_angle(self.rotation.T @ other.rotation)
+        step = self.translation - other.translation
+        return math.sqrt(float(step.dot(step))), rotation_angle(self.rotation.T.dot(other.rotation))
 
     def is_close(self, other: "Pose", *, translation: float, rotation: float) -> bool:
         """Return whether another pose is within `translation` [m] and `rotation` [rad]."""

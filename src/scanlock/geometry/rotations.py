@@ -5,15 +5,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Matrix, Points, Vector
+from scanlock.arrays import Matrix, Points, Vector, frozen
 
 _SMALL_ANGLE = 1e-4
 """Below this angle [rad] the series of sin(a)/a and (1-cos a)/a^2 are exact to rounding."""
 
+_IDENTITY = np.eye(3)
+frozen(_IDENTITY)
+
 
 def hat(vector: Vector) -> Matrix:
     """Return the (3, 3) skew-symmetric matrix with ``hat(a) @ b == cross(a, b)``."""
-    x, y, z = vector
+    x, y, z = vector.tolist()  # Python's floats are negated faster than NumPy's.
     # fmt: off
     return np.array([[0.0,  -z,   y],
                      [  z, 0.0,  -x],
@@ -31,7 +34,7 @@ def hats(vectors: Points) -> NDArray[np.float64]:
 
 def exp_rotation(phi: Vector) -> Matrix:
     """Return the rotation by the angle ``|phi|`` [rad] about the axis ``phi`` (Rodrigues)."""
-    # NumPy's norm and sine take three times as long for three numbers.
+    # NumPy's norm, sine and matmul take three times as long for three numbers.
     angle = math.sqrt(float(phi @ phi))
     if angle < _SMALL_ANGLE:
         sine_ratio = 1.0 - angle**2 / 6.0
@@ -41,7 +44,7 @@ def exp_rotation(phi: Vector) -> Matrix:
         # The half-angle form keeps the digits that 1 - cos(a) loses at small angles.
         cosine_ratio = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2
     generator = hat(phi)
-    return np.eye(3) + sine_ratio * generator + cosine_ratio * generator @ generator
+    return _IDENTITY + sine_ratio * generator + (cosine_ratio * generator).dot(generator)
 
 
 def log_rotation(rotation: Matrix) -> Vector:
@@ -50,11 +53,11 @@ def log_rotation(rotation: Matrix) -> Vector:
     Computed from the unit quaternion, which is accurate at angles near pi too.
     """
     quaternion = quaternion_from_rotation(rotation)
-    scalar, vector = quaternion[0], quaternion[1:]
-    sine = float(np.linalg.norm(vector))
+    scalar, vector = float(quaternion[0]), quaternion[1:]
+    sine = math.sqrt(float(vector.dot(vector)))
     if sine < _SMALL_ANGLE:
         return vector * (2.0 / scalar) * (1.0 - (sine / scalar) ** 2 / 3.0)
-    return vector * (2.0 * np.arctan2(sine, scalar) / sine)
+    return vector * (2.0 * math.atan2(sine, scalar) / sine)
 
 
 def inverse_left_jacobian(phi: Vector) -> Matrix:
@@ -78,23 +81,21 @@ def rotation_angle(rotation: Matrix) -> float:
 
 def quaternion_from_rotation(rotation: Matrix) -> Vector:
     """Return the unit quaternion (w, x, y, z), w >= 0, of a rotation (Shepperd's method)."""
-    trace = float(np.trace(rotation))
-    squares = np.array([trace, *np.diag(rotation)])
-    largest = int(np.argmax(squares))
-    q = np.empty(4)
-    if largest == 0:
-        q[0] = 1.0 + trace
-        q[1] = rotation[2, 1] - rotation[1, 2]
-        q[2] = rotation[0, 2] - rotation[2, 0]
-        q[3] = rotation[1, 0] - rotation[0, 1]
+    r = rotation.tolist()
+    trace = r[0][0] + r[1][1] + r[2][2]
+    largest = max(range(3), key=lambda axis: r[axis][axis])
+    if trace >= r[largest][largest]:
+        q = np.array(
+            [1.0 + trace, r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]], np.float64
+        )
     else:
-        i = largest - 1
-        j, k = (i + 1) % 3, (i + 2) % 3
-        q[0] = rotation[k, j] - rotation[j, k]
-        q[1 + i] = 1.0 + rotation[i, i] - rotation[j, j] - rotation[k, k]
-        q[1 + j] = rotation[j, i] + rotation[i, j]
-        q[1 + k] = rotation[k, i] + rotation[i, k]
-    q /= np.linalg.norm(q)
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q = np.empty(4)
+        q[0] = r[k][j] - r[j][k]
+        q[1 + i] = 1.0 + r[i][i] - r[j][j] - r[k][k]
+        q[1 + j] = r[j][i] + r[i][j]
+        q[1 + k] = r[k][i] + r[i][k]
+    q /= math.sqrt(float(q.dot(q)))
     return -q if q[0] < 0 else q
 
 

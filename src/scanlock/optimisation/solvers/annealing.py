@@ -124,16 +124,15 @@ class Annealing:
     ) -> list[Minimum]:
         """Return the poses that a chain accepted."""
         here = Minimum(start, energy(start))
-        samples = [
-            energy(start.retract(rng.normal(0.0, deviations))) for _ in range(_INITIAL_SAMPLES)
-        ]
+        sampled = deviations * rng.standard_normal((_INITIAL_SAMPLES, 6))
+        samples = [energy(start.retract(proposal)) for proposal in sampled]
         first_temperature, cooled = _HEAT * float(np.std(samples)), 1.0
         accepted = [here]
         for step in range(self.steps):
             size = cooled * _MIN_SIZE ** rng.random()
-            pose = here.pose.retract(
-                size * _BLOCKS[step % len(_BLOCKS)] * rng.normal(0.0, deviations)
-            )
+            # `rng.normal` checks the deviations in each call, which takes six times as long.
+            proposal = deviations * rng.standard_normal(6)
+            pose = here.pose.retract(size * _BLOCKS[step % len(_BLOCKS)] * proposal)
             tried = Minimum(pose, energy(pose))
             rise, temperature = tried.energy - here.energy, cooled * first_temperature
             if rise <= 0.0 or (temperature > 0.0 and rng.random() < math.exp(-rise / temperature)):

@@ -6,6 +6,9 @@ import numpy as np
 
 from scanlock.arrays import Matrix, Vector
 
+_BLOCK = 2048
+"""Number of positions that are evaluated at a time."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waves:
@@ -42,8 +45,14 @@ class Waves:
 
     def at(self, positions: Matrix) -> Vector:
         """Return the values (n,) at (n, 2+) positions."""
-        across = positions[:, :1] * self.numbers[:, 0] + positions[:, 1:2] * self.numbers[:, 1]
-        return (self.heights * np.sin(across + self.phases)).sum(axis=1)
+        values = np.empty(len(positions))
+        # Products of a million positions and all waves do not fit into the cache.
+        for begin in range(0, len(positions), _BLOCK):
+            rows = slice(begin, begin + _BLOCK)
+            x, y = positions[rows, :1], positions[rows, 1:2]
+            waves = np.sin(x * self.numbers[:, 0] + y * self.numbers[:, 1] + self.phases)
+            values[rows] = (self.heights * waves).sum(axis=1)
+        return values
 
 
 def smoothstep(values: Vector, low: float, high: float) -> Vector:
