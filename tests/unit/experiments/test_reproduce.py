@@ -39,9 +39,22 @@ def any_number_of_pairs():
 
 
 @pytest.fixture(scope="module")
-def done(experiment, series, tmp_path_factory):
+def seen():
+    """Calls of the progress of `done`: task, announced and actual number of items."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def done(experiment, series, seen, tmp_path_factory):
+    def progress(items, count, task):
+        items = list(items)
+        seen.append((task, count, len(items)))
+        return items
+
+    checked: Progress = progress
     folder = tmp_path_factory.mktemp("here") / "out"
-    return reproduce(experiment, series, folder)
+    seen.clear()
+    return reproduce(experiment, series, folder, checked)
 
 
 def _files(folder):
@@ -133,16 +146,8 @@ def test_an_interrupted_run_continues(experiment, series, done, tmp_path, monkey
     assert _files(tmp_path) == _files(done.page.parent)
 
 
-def test_progress_covers_every_registration_and_every_scan(experiment, series, tmp_path):
-    seen = []
-
-    def progress(items, count, task):
-        items = list(items)
-        seen.append((task, count, len(items)))
-        return items
-
-    checked: Progress = progress
-    reproduce(experiment, series, tmp_path, checked)
+def test_progress_covers_every_registration_and_every_scan(done, seen):
+    assert done.page.is_file()
     assert [(count, found) for _, count, found in seen] == [(9, 9), (4, 4)]
 
 
