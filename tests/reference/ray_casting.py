@@ -47,6 +47,10 @@ def crossing(kind, row, origin, direction):
     """First distance at which a ray crosses a surface; infinity if it never does."""
     if kind in ("disc", "triangle"):
         return _flat_crossing(kind, row, origin, direction)
+    ahead = row[:3] - origin
+    # Far rays first, of which there are many: a solid is within this radius of its centre.
+    if np.linalg.norm(ahead - (ahead @ direction) * direction) > np.linalg.norm(row[12:]):
+        return np.inf
 
     def outside(t):
         return gauge(kind, row[12:], to_local(row, origin + t[:, None] * direction)) > 0

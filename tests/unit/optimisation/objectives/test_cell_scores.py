@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -95,27 +97,31 @@ def test_the_convex_hessian_is_the_gauss_newton_hessian(association):
     assert np.linalg.eigvalsh(exact.hessian)[0] < -1e-3
 
 
+@cache
+def _values_along(association):
+    """Values for one point that moves along x through three cells, past faces, centres and means.
+
+    Those of the sum over all Gaussians if `association` is None.
+    """
+    voxels = _voxels(3, offset=0.0)
+    point = read_only(np.array([[0.0, -2.0, 0.3]]))
+    # A smooth score, whose slopes are small beside the jumps.
+    shape = ScoreShape(sharpness=0.2)
+    if association is None:
+        objective = PointsToGaussians(target=voxels.gaussians, points=point, shape=shape)
+    else:
+        objective = PointsToCells(target=voxels, points=point, association=association, shape=shape)
+    poses = (Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in np.arange(2.0, 5.5, 2e-4))
+    return np.array([objective.linearise(pose).value for pose in poses])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("association", "jump"),
     [("own-cell", 0.1), ("seven-cells", 0.01), ("near-cells", 0.01), ("trilinear", 0.0)],
 )
 def test_the_value_jumps_where_a_point_changes_its_cells(association, jump):
-    # One point moves along x through three cells, past faces, centres and means.
-    voxels = _voxels(3, offset=0.0)
-    positions = np.arange(2.0, 5.5, 2e-4)
-    point = read_only(np.array([[0.0, -2.0, 0.3]]))
-    # A smooth score, whose slopes are small beside the jumps.
-    shape = ScoreShape(sharpness=0.2)
-
-    def values_along(objective):
-        poses = (Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in positions)
-        return np.array([objective.linearise(pose).value for pose in poses])
-
-    own = values_along(
-        PointsToCells(target=voxels, points=point, association=association, shape=shape)
-    )
-    every = values_along(PointsToGaussians(target=voxels.gaussians, points=point, shape=shape))
+    own, every = _values_along(association), _values_along(None)
     # The maximum slope of a sum of these Gaussians and of its weights, times the step.
     smooth = 27.0 * (np.sqrt(0.2) * np.exp(-0.5) / 0.1 + 3.0 / _WIDTH) * 2e-4
     assert np.abs(np.diff(every)).max() < smooth
