@@ -101,15 +101,11 @@ def cones(
     lengths = np.linalg.norm(axes, axis=1)
     if not (lengths > 0).all():
         raise InvalidInput("the two ends of a cone must be finite and distinct")
-    radii = [
-        np.broadcast_to(np.asarray(r, np.float64), len(axes)) for r in (bottom_radii, top_radii)
-    ]
-    _require_positive("the larger radius of a cone", np.maximum(*radii))
-    if (np.minimum(*radii) < 0).any():
-        raise InvalidInput(
-            f"radii of a cone must not be negative, got {np.minimum(*radii).min()} m"
-        )
-    sizes = np.column_stack([*radii, 0.5 * lengths])
+    sizes = np.empty((len(axes), 3))
+    sizes[:, 0], sizes[:, 1], sizes[:, 2] = bottom_radii, top_radii, 0.5 * lengths
+    _require_positive("the larger radius of a cone", np.maximum(sizes[:, 0], sizes[:, 1]))
+    if (sizes[:, :2] < 0).any():
+        raise InvalidInput(f"radii of a cone must not be negative, got {sizes[:, :2].min()} m")
     frames = _frames_along(axes / lengths[:, None])
     return _surfaces(CONE, bottoms + 0.5 * axes, sizes, label, frames, loss)
 
@@ -144,8 +140,8 @@ def discs(
     _require_positive("the length of a normal", lengths)
     radii = np.asarray(radii, np.float64)
     _require_positive("radii", radii)
-    halves = np.broadcast_to(radii if radii.ndim == 2 else radii[..., None], (len(normals), 2))
-    sizes = np.column_stack([halves, np.ones(len(normals))])
+    sizes = np.ones((len(normals), 3))
+    sizes[:, :2] = radii if radii.ndim == 2 else radii[..., None]
     return _surfaces(DISC, centres, sizes, label, _frames_along(normals / lengths), loss)
 
 
@@ -195,7 +191,7 @@ def _surfaces(
     rows = np.empty((n, COLUMNS))
     rows[:, :3] = centres
     axes = np.eye(3) if rotations is None else np.asarray(rotations, np.float64)
-    rows[:, 3:12] = np.broadcast_to(axes, (n, 3, 3)).transpose(0, 2, 1).reshape(n, 9)
+    rows[:, 3:12] = axes.swapaxes(-1, -2).reshape(-1, 9)
     rows[:, 12:] = np.asarray(sizes, np.float64)
     if not np.isfinite(rows).all():
         raise InvalidInput("centres, sizes and rotations of surfaces must be finite")
@@ -217,10 +213,14 @@ def _require_positive(name: str, values: ArrayLike) -> None:
 def _frames_along(directions: Matrix) -> NDArray[np.float64]:
     """Return (n, 3, 3) rotations with the unit directions as third column."""
     a, b, c = directions.T
+    frames = np.empty((len(directions), 3, 3))
+    x, y = frames[:, :, 0], frames[:, :, 1]
     # Perpendicular to the direction and to z, or to x where the direction is near z.
     steep = np.abs(c) > 0.9
-    x = np.column_stack([np.where(steep, 0.0, -b), np.where(steep, -c, a), np.where(steep, b, 0.0)])
+    x[:, 0], x[:, 1], x[:, 2] = -b, a, 0.0
+    x[steep, 0], x[steep, 1], x[steep, 2] = 0.0, -c[steep], b[steep]
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     p, q, r = x.T
-    y = np.column_stack([b * r - c * q, c * p - a * r, a * q - b * p])
-    return np.stack([x, y, directions], axis=2)
+    y[:, 0], y[:, 1], y[:, 2] = b * r - c * q, c * p - a * r, a * q - b * p
+    frames[:, :, 2] = directions
+    return frames

@@ -1,13 +1,13 @@
 """Arrays of simple surfaces, built by the functions of `scanlock.simulation.objects.shapes`."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Labels, Matrix, Vector, read_only
+from scanlock.arrays import Labels, Matrix, Vector, frozen, read_only
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.kernels.simulation.ray_casting import BOX, CONE, DISC, ELLIPSOID, TRIANGLE
@@ -63,6 +63,23 @@ class Surfaces:
             object.__setattr__(self, name, read_only(array))
 
     @classmethod
+    def _of(
+        cls, kinds: Labels, rows: Matrix, labels: Labels, objects: Labels, losses: Vector
+    ) -> "Surfaces":
+        """Return surfaces of valid, contiguous arrays, without checks: a scene has thousands."""
+        made = object.__new__(cls)
+        for name, array in (
+            ("kinds", kinds),
+            ("rows", rows),
+            ("labels", labels),
+            ("objects", objects),
+            ("losses", losses),
+        ):
+            frozen(array)
+            object.__setattr__(made, name, array)
+        return made
+
+    @classmethod
     def none(cls) -> "Surfaces":
         """Return an empty set of surfaces."""
         empty = np.empty(0, np.int64)
@@ -77,8 +94,8 @@ class Surfaces:
     @classmethod
     def joined(cls, parts: "Iterable[Surfaces]") -> "Surfaces":
         """Concatenate the surfaces of all parts."""
-        parts = [cls.none(), *parts]
-        return cls(
+        parts = [*parts] or [cls.none()]
+        return cls._of(
             kinds=np.concatenate([part.kinds for part in parts]),
             rows=np.concatenate([part.rows for part in parts]),
             labels=np.concatenate([part.labels for part in parts]),
@@ -106,11 +123,12 @@ class Surfaces:
         rotations = self.rows[:, 3:12].reshape(-1, 3, 3) @ pose.rotation.T
         rows[:, 3:12] = rotations.reshape(-1, 9)
         rows[:, 12:] = self.rows[:, 12:]
-        return replace(self, rows=rows)
+        return self._of(self.kinds, rows, self.labels, self.objects, self.losses)
 
     def as_object(self, number: int) -> "Surfaces":
         """Return the surfaces with the number of one object."""
-        return replace(self, objects=np.full(len(self), number))
+        objects = np.full(len(self), number, np.int64)
+        return self._of(self.kinds, self.rows, self.labels, objects, self.losses)
 
     def bounds(self) -> Matrix:
         """Return the (n, 6) axis-aligned bounding boxes: low x, y, z and high x, y, z [m]."""
