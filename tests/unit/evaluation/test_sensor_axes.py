@@ -61,8 +61,15 @@ def test_the_conversion_is_exact_with_the_calibration():
         assert pose.is_close(expected, translation=1e-9, rotation=1e-7)
 
 
+# The short drives are fast.
+_DRIVES = [
+    pytest.param(f"{number:02d}", marks=[] if number in (3, 4) else pytest.mark.slow)
+    for number in range(11)
+]
+
+
 @pytest.mark.data
-@pytest.mark.parametrize("drive", [f"{number:02d}" for number in range(11)])
+@pytest.mark.parametrize("drive", _DRIVES)
 def test_all_drives_of_kitti_are_recognised(scan_data, drive):
     camera = read_kitti_poses(scan_data / "trajectories" / "kitti_ground_truth" / f"{drive}.txt")
     exact = Pose.from_matrix(np.loadtxt(scan_data / "kitti_00" / "Tr_velo_to_cam0.txt"))
