@@ -111,9 +111,32 @@ class PointTree:
         InvalidInput
             `count` is not a whole number from 1 to the number of points.
         """
+        return self.neighbours_of(self.points if rows is None else self.points[rows], count)
+
+    def neighbours_of(self, queries: Points, count: int) -> Labels:
+        """Find the nearest points of each query.
+
+        Parameters
+        ----------
+        queries : (m, 3) [m]
+            Query points.
+        count : int
+            Number of neighbours of a query.
+
+        Returns
+        -------
+        (m, count)
+            Rows of the neighbours, nearest first.
+
+        Raises
+        ------
+        InvalidInput
+            As `neighbours`.
+        """
         self._require_neighbours(count)
-        queries = self.points if rows is None else read_only(self.points[rows])
-        return k_nearest_neighbours(self.points, self.split_axes, self.split_values, queries, count)
+        return k_nearest_neighbours(
+            self.points, self.split_axes, self.split_values, read_only(queries), count
+        )
 
     def neighbour_covariances(self, count: int) -> Matrix:
         """Return the (n, 6) covariances [m^2] of the `count` nearest neighbours of each point.

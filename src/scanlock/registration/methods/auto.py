@@ -6,7 +6,8 @@
 3. Score of each refined pose: overlap, correlation and free-space violation; the prior, and the
    preference for an initial pose.
 4. Fallback, if the best score is low: a wider search, refinement and scores as before.
-5. Choice: the pose with the highest score.
+5. Choice: the pose with the highest score. For sparse clouds it is refined by planes around the
+   points.
 """
 
 import math
@@ -24,6 +25,7 @@ from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.multi_start import MultiStart, RefinedHypothesis
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.methods.sgc_ndt import SgcNdt
+from scanlock.registration.methods.sparse_refinement import SparseRefinement
 from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
 from scanlock.registration.search.cluster_matching import ClusterMatcher
@@ -88,6 +90,9 @@ class Auto(Method[AutoData]):
     fine: FineNdt | None = field(default_factory=FineNdt)
     """Fine NDT from each refined pose; None disables it."""
 
+    sparse_refinement: SparseRefinement | None = field(default_factory=SparseRefinement)
+    """Refinement of the chosen pose at length scales above 1; None disables it."""
+
     initial_pose_preference: float = 1.2
     """Factor of the score of an initial pose: another pose must score higher by this factor."""
 
@@ -123,6 +128,10 @@ class Auto(Method[AutoData]):
             features = features_from_clusters(clusters, self.range_imager)
         with log.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
+        sparse = None
+        if self.sparse_refinement is not None and cloud.scale > 1.0:
+            with log.stage("tree"):
+                sparse = self.sparse_refinement.prepare(cloud)
         data = AutoData(
             clusters=replace(clusters, gaussians=tuple(at_radius[one] for one in initial_radii)),
             multi_start_gaussians=tuple(at_radius[one] for one in multi_start_radii),
@@ -130,6 +139,7 @@ class Auto(Method[AutoData]):
             level_from_scan=level_from_scan,
             features=features,
             fine=fine,
+            sparse=sparse,
         )
         if data.insufficient_reason:
             raise InsufficientData(data.insufficient_reason)
@@ -173,9 +183,10 @@ class Auto(Method[AutoData]):
             refined, further_history = self._refine(pair, hypotheses, identity, "identity")
             ranked = self._rank(pair, refined, ranked)
             history += further_history
+        ranked[0] = self._refine_sparsely(pair, ranked[0])
         return replace(
             ranked[0].solution,
-            history=history,
+            history=history + ranked[0].solution.history,
             candidates=tuple(one.candidate for one in ranked),
             runner_up_ratio=_runner_up_ratio(ranked),
         )
@@ -271,6 +282,23 @@ class Auto(Method[AutoData]):
         if solution is None or solution.reason is StopReason.EMPTY_OBJECTIVE:
             return refined
         return replace(refined, solution=solution)
+
+    def _refine_sparsely(self, pair: AutoPair, chosen: _ScoredPose) -> _ScoredPose:
+        """Refine the chosen pose of sparse clouds by planes around their points.
+
+        The history is that of this refinement alone; empty for other clouds. Without enough
+        planes, or if they lead to another place, the chosen pose stays.
+        """
+        target, source = pair.target.sparse, pair.source.sparse
+        unchanged = replace(chosen, solution=replace(chosen.solution, history=()))
+        if self.sparse_refinement is None or target is None or source is None:
+            return unchanged
+        start = chosen.solution.pose
+        solution = self.sparse_refinement.align(target, source, start, pair.constraints)
+        refined = RefinedHypothesis(proposed_by=chosen.candidate.proposed_by, solution=solution)
+        if not solution.reason.is_converged or not self._is_near(refined, start):
+            return unchanged
+        return replace(self._score(pair, refined), score=chosen.score)
 
     def _fine_ndt(self, pair: AutoPair, start: Pose) -> Solution | None:
         target, source = pair.target.fine, pair.source.fine

@@ -7,6 +7,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.constraints import Constraints
 from scanlock.registration.methods.fine_ndt import FineNdtScan
+from scanlock.registration.methods.sparse_refinement import SparseScan
 from scanlock.registration.search.bev_grid import BevGrid
 from scanlock.registration.verification.agreement import free_space_violation
 from scanlock.registration.verification.candidate import plausibility
@@ -32,6 +33,9 @@ class AutoData:
         Features for the scores of candidates.
     fine : FineNdtScan or None
         Cells of the fine NDT; None without `Auto.fine`.
+    sparse : SparseScan or None
+        Points and tree of a cloud in units of its length scale; None at a length scale of 1, or
+        without `Auto.sparse_refinement`.
     """
 
     clusters: ClusterGaussians
@@ -40,6 +44,7 @@ class AutoData:
     level_from_scan: Pose | None
     features: VerificationFeatures
     fine: FineNdtScan | None
+    sparse: SparseScan | None = None
 
     __repr__ = short_repr
 
