@@ -11,7 +11,7 @@ from scanlock.registration.verification.cluster_constraints import (
     ClusterConstraints,
     cluster_constraints,
 )
-from scanlock.registration.verification.local_planes import LocalPlaneFitter
+from scanlock.registration.verification.local_planes import LocalPlaneFitter, LocalPlanes
 from scanlock.registration.verification.overlap import self_score
 from scanlock.registration.verification.range_image import RangeImage, RangeImager
 from scanlock.segmentation.cluster_gaussians import (
@@ -22,6 +22,12 @@ from scanlock.segmentation.cluster_gaussians import (
 
 PLANE_FITTER = LocalPlaneFitter()
 """Settings of the query points of a scan, and of the planes fitted to the other scan there."""
+
+_SPARSE_PLANE_FITTER = LocalPlaneFitter(
+    voxel_size=0.25, max_points=2000, radii=(0.5, 0.7, 1.0, 1.4, 2.0)
+)
+"""The same for scans in units of a length scale above 1. Planes of eight points are noisy, so there
+are more of them; the surface bends within a radius of a unit, so it grows in smaller steps."""
 
 _EXTRACTOR = ClusterGaussianExtractor()
 _RANGE_IMAGER = RangeImager()
@@ -74,6 +80,10 @@ class VerificationFeatures:
         frozen(self.query_points)
         object.__setattr__(self, "self_score", self_score(self.gaussians))
 
+    def planes_around(self, queries: Points) -> LocalPlanes:
+        """Fit planes to the scan around (m, 3) query points [m] in its frame."""
+        return plane_fitter(self.cloud).fit(self.cell_list, queries)
+
     @property
     def insufficient_reason(self) -> str:
         """Why no pose of the scan can be verified; empty if one can."""
@@ -81,6 +91,11 @@ class VerificationFeatures:
         if count >= MIN_GAUSSIANS:
             return ""
         return f"has only {count} clusters or voxels with enough points"
+
+
+def plane_fitter(cloud: PointCloud) -> LocalPlaneFitter:
+    """Return the settings of the planes of a cloud."""
+    return _SPARSE_PLANE_FITTER if cloud.scale > 1.0 else PLANE_FITTER
 
 
 def features_from_clusters(
@@ -97,14 +112,15 @@ def features_from_clusters(
         gaussians = gaussians.regularised(_EXTRACTOR.min_deviation)
         constraints = ClusterConstraints.unconstrained()
         notes = (*notes, f"too few clusters: verified with {len(gaussians)} voxel Gaussians")
-    cell_list, query_points = PLANE_FITTER.cell_list(cloud), PLANE_FITTER.query_points(cloud)
+    fitter = plane_fitter(cloud)
+    cell_list, query_points = fitter.cell_list(cloud), fitter.query_points(cloud)
     return VerificationFeatures(
         cloud=cloud,
         cell_list=cell_list,
         gaussians=gaussians,
         range_image=None if imager is None else imager.image(cloud),
         query_points=query_points,
-        roughness=PLANE_FITTER.fit(cell_list, query_points).rmse,
+        roughness=fitter.fit(cell_list, query_points).rmse,
         notes=notes,
         cluster_constraints=constraints,
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
-from scanlock.registration.verification.features import PLANE_FITTER, VerificationFeatures
+from scanlock.registration.verification.features import VerificationFeatures
 from scanlock.registration.verification.local_planes import LocalPlanes, concatenated
 from scanlock.registration.verification.observability import Observability, observability_of
 from scanlock.registration.verification.plane_constraints import plane_constraints
@@ -92,8 +92,8 @@ def _fit_planes(
     target: VerificationFeatures, source: VerificationFeatures, pose: Pose
 ) -> tuple[LocalPlanes, LocalPlanes]:
     """Return the planes of the target, then those of the source, in the target's frame."""
-    of_target = PLANE_FITTER.fit(target.cell_list, pose.apply(source.query_points))
-    of_source = PLANE_FITTER.fit(source.cell_list, pose.inverse().apply(target.query_points))
+    of_target = target.planes_around(pose.apply(source.query_points))
+    of_source = source.planes_around(pose.inverse().apply(target.query_points))
     return of_target, of_source.reversed(pose)
 
 
