@@ -139,6 +139,11 @@ class PointCloud:
 
         return is_sparse(self.measured_points)
 
+    @property
+    def takes_sparse_settings(self) -> bool:
+        """Whether settings for sparse clouds apply: the cloud is sparse, or the other of a pair."""
+        return self.scale > 1.0 or self.is_sparse
+
     @cached_property
     def length_scale(self) -> float:
         """Factor of the lengths of all settings for this cloud: 1, and more if it is sparse."""

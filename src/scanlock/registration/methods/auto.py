@@ -3,11 +3,9 @@
 1. Hypotheses: BEV correlation, cluster matching, prior.
 2. Refinement: multi-start D2D over clusters, then fine NDT over small cells. An initial pose is
    refined by SGC-NDT over its full schedule, then by fine NDT, and by fine NDT alone.
-3. Score of each refined pose: overlap, correlation and free-space violation; the prior, and the
-   preference for an initial pose.
+3. Score of each refined pose: overlap, correlation, free space, the prior, and a given start.
 4. Fallback, if the best score is low: a wider search, refinement and scores as before.
-5. Choice: the pose with the highest score. For sparse clouds it is refined by planes around the
-   points.
+5. Choice: the pose with the highest score, refined once more if the clouds are sparse.
 """
 
 import math
@@ -41,8 +39,8 @@ _MAX_START_DISTANCE = 2.0
 which fine NDT from the start is skipped. It would end at the same pose: 1 m is in its basin."""
 
 _MAX_FALLBACK_HYPOTHESES = 8
-"""Number of BEV hypotheses that the fallback search refines. In simulated forests the free-space
-violation of the correct one of sixty was a tenth of the next."""
+"""Number of BEV hypotheses that the fallback refines. In simulated forests the free-space violation
+of the correct one of sixty was a tenth of the next."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,7 +89,7 @@ class Auto(Method[AutoData]):
     """Fine NDT from each refined pose; None disables it."""
 
     sparse_refinement: SparseRefinement | None = field(default_factory=SparseRefinement)
-    """Refinement of the chosen pose at length scales above 1; None disables it."""
+    """Refinement of the chosen pose of sparse clouds; None disables it."""
 
     initial_pose_preference: float = 1.2
     """Factor of the score of an initial pose: another pose must score higher by this factor."""
@@ -128,10 +126,8 @@ class Auto(Method[AutoData]):
             features = features_from_clusters(clusters, self.range_imager)
         with log.stage("cells"):
             fine = None if self.fine is None else self.fine.prepare(cloud)
-        sparse = None
-        if self.sparse_refinement is not None and cloud.scale > 1.0:
-            with log.stage("tree"):
-                sparse = self.sparse_refinement.prepare(cloud)
+            refinement = self.sparse_refinement if cloud.takes_sparse_settings else None
+            sparse = None if refinement is None else refinement.prepare(cloud)
         data = AutoData(
             clusters=replace(clusters, gaussians=tuple(at_radius[one] for one in initial_radii)),
             multi_start_gaussians=tuple(at_radius[one] for one in multi_start_radii),
@@ -183,10 +179,12 @@ class Auto(Method[AutoData]):
             refined, further_history = self._refine(pair, hypotheses, identity, "identity")
             ranked = self._rank(pair, refined, ranked)
             history += further_history
-        ranked[0] = self._refine_sparsely(pair, ranked[0])
+        best = self._refine_sparsely(pair, ranked[0])
+        history += () if best is ranked[0] else best.solution.history
+        ranked[0] = best
         return replace(
-            ranked[0].solution,
-            history=history + ranked[0].solution.history,
+            best.solution,
+            history=history,
             candidates=tuple(one.candidate for one in ranked),
             runner_up_ratio=_runner_up_ratio(ranked),
         )
@@ -284,21 +282,16 @@ class Auto(Method[AutoData]):
         return replace(refined, solution=solution)
 
     def _refine_sparsely(self, pair: AutoPair, chosen: _ScoredPose) -> _ScoredPose:
-        """Refine the chosen pose of sparse clouds by planes around their points.
-
-        The history is that of this refinement alone; empty for other clouds. Without enough
-        planes, or if they lead to another place, the chosen pose stays.
-        """
+        """Refine the chosen pose of sparse clouds by planes around their points."""
         target, source = pair.target.sparse, pair.source.sparse
-        unchanged = replace(chosen, solution=replace(chosen.solution, history=()))
         if self.sparse_refinement is None or target is None or source is None:
-            return unchanged
+            return chosen
         start = chosen.solution.pose
         solution = self.sparse_refinement.align(target, source, start, pair.constraints)
         refined = RefinedHypothesis(proposed_by=chosen.candidate.proposed_by, solution=solution)
-        if not solution.reason.is_converged or not self._is_near(refined, start):
-            return unchanged
-        return replace(self._score(pair, refined), score=chosen.score)
+        if solution.reason.is_converged and self._is_near(refined, start):
+            return replace(self._score(pair, refined), score=chosen.score)
+        return chosen
 
     def _fine_ndt(self, pair: AutoPair, start: Pose) -> Solution | None:
         target, source = pair.target.fine, pair.source.fine

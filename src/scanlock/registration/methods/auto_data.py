@@ -34,8 +34,8 @@ class AutoData:
     fine : FineNdtScan or None
         Cells of the fine NDT; None without `Auto.fine`.
     sparse : SparseScan or None
-        Points and tree of a cloud in units of its length scale; None at a length scale of 1, or
-        without `Auto.sparse_refinement`.
+        Points and tree of a sparse cloud, or of the other one of a pair; None for other clouds,
+        or without `Auto.sparse_refinement`.
     """
 
     clusters: ClusterGaussians

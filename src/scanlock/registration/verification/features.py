@@ -26,8 +26,8 @@ PLANE_FITTER = LocalPlaneFitter()
 _SPARSE_PLANE_FITTER = LocalPlaneFitter(
     voxel_size=0.25, max_points=2000, radii=(0.5, 0.7, 1.0, 1.4, 2.0)
 )
-"""The same for scans in units of a length scale above 1. Planes of eight points are noisy, so there
-are more of them; the surface bends within a radius of a unit, so it grows in smaller steps."""
+"""The same for sparse scans, in units of their length scale. Planes of eight points are noisy, so
+there are more of them. The surface bends within a unit, so the radius grows in smaller steps."""
 
 _EXTRACTOR = ClusterGaussianExtractor()
 _RANGE_IMAGER = RangeImager()
@@ -82,7 +82,7 @@ class VerificationFeatures:
 
     def planes_around(self, queries: Points) -> LocalPlanes:
         """Fit planes to the scan around (m, 3) query points [m] in its frame."""
-        return plane_fitter(self.cloud).fit(self.cell_list, queries)
+        return _plane_fitter(self.cloud).fit(self.cell_list, queries)
 
     @property
     def insufficient_reason(self) -> str:
@@ -93,9 +93,9 @@ class VerificationFeatures:
         return f"has only {count} clusters or voxels with enough points"
 
 
-def plane_fitter(cloud: PointCloud) -> LocalPlaneFitter:
+def _plane_fitter(cloud: PointCloud) -> LocalPlaneFitter:
     """Return the settings of the planes of a cloud."""
-    return _SPARSE_PLANE_FITTER if cloud.scale > 1.0 else PLANE_FITTER
+    return _SPARSE_PLANE_FITTER if cloud.takes_sparse_settings else PLANE_FITTER
 
 
 def features_from_clusters(
@@ -112,7 +112,7 @@ def features_from_clusters(
         gaussians = gaussians.regularised(_EXTRACTOR.min_deviation)
         constraints = ClusterConstraints.unconstrained()
         notes = (*notes, f"too few clusters: verified with {len(gaussians)} voxel Gaussians")
-    fitter = plane_fitter(cloud)
+    fitter = _plane_fitter(cloud)
     cell_list, query_points = fitter.cell_list(cloud), fitter.query_points(cloud)
     return VerificationFeatures(
         cloud=cloud,
