@@ -6,7 +6,7 @@ a fixed rotation, so that a rotation about a distant axis does not count as a tr
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,11 @@ _MIN_CLUSTER_RATIO: dict[MotionKind, float] = {"translation": 0.15, "rotation": 
 lines reach 0.13, plates on a sphere 0.34 about any axis. Streets, forests and yards mostly have 0.4
 to 1 where planes are missing."""
 
+_MIN_BIAS_MULTIPLE = 4.0
+"""Minimum multiple of the bias from noisy normals in the information on a constrained direction of
+sparse clouds. Flat ground with noise reaches 1.1 along and about any axis, also where flight strips
+overlap; real tiles of terrain, forests and houses have 8 or more."""
+
 _MIN_ROTATION_INFORMATION = 1e-3
 """Minimum of the maximum information about one axis, as a fraction of that about all axes; less is
 rounding."""
@@ -63,6 +68,10 @@ class DirectionObservability:
     cluster_ratio : float
         Information of the target's clusters divided by its maximum, in [0, 1]. Poles and trunks
         have no planes, and constrain a pose nevertheless.
+    bias_multiple : float
+        Information over the bias from noisy normals that was subtracted from it, of sparse clouds;
+        0 for others. From above, hardly any plane is steep, and all ratios are small. The few
+        steep ones constrain a pose if they are more than noise.
     """
 
     kind: MotionKind
@@ -70,6 +79,7 @@ class DirectionObservability:
     ratio: float
     deviation: float
     cluster_ratio: float = 0.0
+    bias_multiple: float = 0.0
 
     __repr__ = short_repr
 
@@ -92,6 +102,7 @@ class DirectionObservability:
         return (
             self.ratio < _MIN_RATIO[self.kind]
             and self.cluster_ratio < _MIN_CLUSTER_RATIO[self.kind]
+            and self.bias_multiple < _MIN_BIAS_MULTIPLE
         )
 
     def __str__(self) -> str:
@@ -145,19 +156,45 @@ class Observability:
         return pose.perturbed(step)
 
 
-def observability_of(planes: PlaneConstraints, clusters: ClusterConstraints) -> Observability:
-    """Compute the observability of a pose from plane constraints and the target's clusters."""
+def observability_of(
+    planes: PlaneConstraints, clusters: ClusterConstraints, is_sparse: bool = False
+) -> Observability:
+    """Compute the observability of a pose from plane constraints and the target's clusters.
+
+    `is_sparse` says whether both clouds are sparse.
+    """
     information = planes.bias_corrected_information()
-    translation, coupling = information[:3, :3], information[3:, :3]
-    rotation = information[3:, 3:] - coupling @ np.linalg.solve(translation, coupling.T)
     covariance = (planes.noise**2 * np.linalg.inv(information)).astype(np.float64, copy=False)
-    return Observability(
-        directions=(
-            *_directions("translation", translation, covariance, planes, clusters),
-            *_directions("rotation", rotation, covariance, planes, clusters),
-        ),
-        information=information,
-    )
+    directions: list[DirectionObservability] = []
+    kinds: tuple[MotionKind, ...] = ("translation", "rotation")
+    for kind in kinds:
+        found = _directions(kind, _of_kind(information, kind), covariance, planes, clusters)
+        directions += _with_bias_multiples(found, information, planes) if is_sparse else found
+    return Observability(directions=tuple(directions), information=information)
+
+
+def _of_kind(information: Matrix, kind: MotionKind) -> Matrix:
+    """Return the (3, 3) information on translations, or on rotations with the rest marginalised."""
+    translation = information[:3, :3]
+    if kind == "translation":
+        return translation
+    coupling = information[3:, :3]
+    return information[3:, 3:] - coupling @ np.linalg.solve(translation, coupling.T)
+
+
+def _with_bias_multiples(
+    directions: list[DirectionObservability], information: Matrix, planes: PlaneConstraints
+) -> list[DirectionObservability]:
+    """Return directions of one kind with the multiples of their biases."""
+    kind, axes = directions[0].kind, np.column_stack([one.axis for one in directions])
+    signals = quadratic_forms(_of_kind(information, kind), axes)
+    totals = quadratic_forms(_of_kind(information + planes.bias(), kind), axes)
+    biases = np.maximum(totals - signals, np.finfo(np.float64).tiny)
+    multiples = signals / biases
+    return [
+        replace(one, bias_multiple=float(multiple))
+        for one, multiple in zip(directions, multiples, strict=True)
+    ]
 
 
 def _directions(

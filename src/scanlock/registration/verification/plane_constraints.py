@@ -92,14 +92,17 @@ class PlaneConstraints:
         A noisy normal constrains motions along its plane too, such as those along an endless
         corridor.
         """
+        return regularised(self.information - self.bias())
+
+    def bias(self) -> Matrix:
+        """Return the (6, 6) mean information of the noise of the normals alone."""
         k = len(self.points)
         # Derivative of the motion of each point with respect to a step.
         motions = np.empty((k, 3, 6))
         motions[:, :, :3] = np.eye(3)
         motions[:, :, 3:] = -hats(self.points)
         weighted = (self.weights[:, None, None] * self.normal_covariances) @ motions
-        bias = motions.reshape(3 * k, 6).T @ weighted.reshape(3 * k, 6)
-        return regularised(self.information - bias)
+        return motions.reshape(3 * k, 6).T @ weighted.reshape(3 * k, 6)
 
 
 def plane_constraints(planes: LocalPlanes, origin: Vector) -> PlaneConstraints | None:

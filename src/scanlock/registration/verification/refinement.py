@@ -59,6 +59,7 @@ def refine_pose(
     target_planes, source_planes = _fit_planes(target, source, pose)
     planes = concatenated([target_planes, source_planes])
     constraints = plane_constraints(planes, pose.translation)
+    is_sparse = target.cloud.takes_sparse_settings and source.cloud.takes_sparse_settings
     refined = pose
     for _ in range(_MAX_STEPS):
         if constraints is None:
@@ -82,7 +83,7 @@ def refine_pose(
         observability=(
             None
             if constraints is None
-            else observability_of(constraints, target.cluster_constraints)
+            else observability_of(constraints, target.cluster_constraints, is_sparse)
         ),
         refinement_shift=_length(refined.difference(pose)),
     )
