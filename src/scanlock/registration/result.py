@@ -180,6 +180,7 @@ class RegistrationResult:
                     "ratio": one.ratio,
                     "deviation": one.deviation,
                     "cluster_ratio": one.cluster_ratio,
+                    "bias_multiple": one.bias_multiple,
                     "is_degenerate": one.is_degenerate,
                 }
                 for one in self.directions

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from reference.samples import street, yaw_pose
+from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.assess import assess
+from scanlock.registration.methods.auto import Auto
 from scanlock.registration.methods.distance_rejection import AdaptiveRejection
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.prepare import prepare
@@ -137,3 +139,25 @@ def test_another_place_is_not_ok(target):
     elsewhere = _FACTOR * street(5, layout=7)
     result = register(source=elsewhere, target=target)
     assert result.status is not Status.OK
+
+
+def test_auto_refines_a_sparse_pair_to_a_tenth_of_its_spacing(found, source, target):
+    spacing = np.median(PointTree.from_points(target).nearest(source)[1])
+    difference = found.target_from_source.apply(source) - _MOTION.apply(source)
+    assert math.sqrt((difference**2).sum(axis=1).mean()) < 0.1 * spacing
+
+
+def test_auto_without_the_refinement_keeps_the_pose_of_the_cells(found, source, target):
+    of_cells = register(source=source, target=target, method=Auto(sparse_refinement=None))
+    assert of_cells.ok
+    assert of_cells.target_from_source != found.target_from_source
+    assert of_cells.target_from_source.is_close(
+        found.target_from_source, translation=0.02 * _FACTOR, rotation=1e-3
+    )
+
+
+def test_dense_scans_are_not_refined_by_planes():
+    target, source = street(1), street(2)
+    first = register(source=source, target=target)
+    again = register(source=source, target=target, method=Auto(sparse_refinement=None))
+    assert first.target_from_source == again.target_from_source

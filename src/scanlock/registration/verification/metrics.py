@@ -12,8 +12,8 @@ class Metrics:
 
     The *Gaussians* of a scan are those of its clusters above the ground, or of voxels of the
     whole scan where there are too few clusters. Their weight is the fourth root of their number
-    of points. The *query points* of a scan are up to 300 of its points, evenly distributed,
-    ground included.
+    of points. The *query points* of a scan are up to 300 of its points, 2000 of sparse clouds,
+    evenly distributed, ground included.
 
     Attributes
     ----------

@@ -43,6 +43,10 @@ _MIN_BIAS_MULTIPLE = 4.0
 sparse clouds. Flat ground with noise reaches 1.1 along and about any axis, also where flight strips
 overlap; real tiles of terrain, forests and houses have 8 or more."""
 
+_MIN_SPARSE_RATIO: dict[MotionKind, float] = {"translation": 0.003, "rotation": 0.001}
+"""Minimum observability ratio of such a direction: slopes of 5 %. Steps of some centimetres between
+flight strips are more than noise, but not steep, and differ between flights."""
+
 _MIN_ROTATION_INFORMATION = 1e-3
 """Minimum of the maximum information about one axis, as a fraction of that about all axes; less is
 rounding."""
@@ -99,10 +103,11 @@ class DirectionObservability:
     @property
     def is_degenerate(self) -> bool:
         """Whether neither planes nor clusters constrain the direction."""
+        if self.bias_multiple >= _MIN_BIAS_MULTIPLE and self.ratio >= _MIN_SPARSE_RATIO[self.kind]:
+            return False
         return (
             self.ratio < _MIN_RATIO[self.kind]
             and self.cluster_ratio < _MIN_CLUSTER_RATIO[self.kind]
-            and self.bias_multiple < _MIN_BIAS_MULTIPLE
         )
 
     def __str__(self) -> str:

@@ -3,10 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.registration.verification.cluster_constraints import ClusterConstraints
-from scanlock.registration.verification.local_planes import LocalPlanes
+from scanlock.registration.verification.local_planes import LocalPlaneFitter, LocalPlanes
 from scanlock.registration.verification.observability import observability_of
 from scanlock.registration.verification.plane_constraints import plane_constraints
 
@@ -146,3 +147,46 @@ def test_points_on_a_line_do_not_constrain_rotations_about_it():
     assert all(0.0 <= one.ratio <= 1.0 for one in observability.directions)
     roll = next(one for one in observability.directions if one.name == "roll")
     assert roll.is_degenerate
+
+
+def _field(heights, noise, seed=3):
+    """Return the planes between two noisy sparse clouds of terrain, a point per 0.08 units^2."""
+    rng = np.random.default_rng(seed)
+    first, second = (
+        np.column_stack([xy, heights(xy) + rng.normal(0.0, noise, len(xy))])
+        for xy in rng.uniform(-10.0, 10.0, (2, 5000, 2))
+    )
+    fitter = LocalPlaneFitter(voxel_size=0.25, max_points=2000, radii=(0.5, 0.7, 1.0))
+    queries = fitter.query_points(PointCloud.from_array(second))
+    return fitter.fit(fitter.cell_list(PointCloud.from_array(first)), queries)
+
+
+def _sparse_observability(planes):
+    constraints = plane_constraints(planes, np.zeros(3))
+    return observability_of(constraints, _NO_CLUSTERS, is_sparse=True)
+
+
+@pytest.mark.parametrize("noise", [0.005, 0.02, 0.05])
+@pytest.mark.parametrize("strip", [0.0, 0.02])
+def test_noise_and_strips_do_not_constrain_flat_sparse_ground(noise, strip):
+    planes = _field(lambda xy: strip * (xy[:, 0] // 3.0 % 2.0), noise)
+    found = _sparse_observability(planes).degenerate
+    assert sorted(one.kind for one in found) == ["rotation", "translation", "translation"]
+    assert strip or all(one.bias_multiple < 2.0 for one in found)
+
+
+def test_low_furrows_of_sparse_ground_constrain_the_direction_across():
+    planes = _field(lambda xy: 0.12 * np.sin(xy[:, 0]), 0.01)
+    (found,) = (
+        one for one in _sparse_observability(planes).degenerate if one.kind == "translation"
+    )
+    assert abs(found.axis[1]) > 0.98
+    # The ratios of both directions are small: hardly any plane is steep from above.
+    assert len(_observability(planes).degenerate) == 3
+
+
+def test_low_hills_constrain_all_directions_of_sparse_clouds_only():
+    planes = _field(lambda xy: 0.2 * np.sin(0.8 * xy[:, 0]) * np.cos(0.7 * xy[:, 1]), 0.01)
+    assert not _sparse_observability(planes).degenerate
+    assert {one.name for one in _observability(planes).degenerate} >= {"yaw"}
+    assert all(one.bias_multiple == 0.0 for one in _observability(planes).directions)
