@@ -60,6 +60,7 @@ from scanlock.registration.methods.coarse_to_fine import Scale as Scale
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES as PAPER_SCALES
 from scanlock.registration.methods.multi_start import MultiStart as MultiStart
 from scanlock.registration.methods.fine_ndt import FineNdt as FineNdt
+from scanlock.registration.methods.sparse_refinement import SparseRefinement as SparseRefinement
 from scanlock.registration.search.bev_correlation import BevSearch as BevSearch
 from scanlock.registration.search.cluster_matching import ClusterMatcher as ClusterMatcher
 from scanlock.segmentation.cluster_gaussians import (
