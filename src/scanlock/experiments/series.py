@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scanlock.arrays import Vector, frozen
 from scanlock.errors import InvalidInput, require_count
 from scanlock.geometry.pose import Pose
+from scanlock.io.formats.stations import split_station
 from scanlock.io.sequences.open_sequence import open_sequence
 from scanlock.io.sequences.scan_sequence import ScanSequence
 from scanlock.pipelines.study import StudyPair
@@ -211,7 +212,8 @@ def ordinal_phrase(every: int, noun: str = "scan") -> str:
 def _digest(sequence: ScanSequence) -> str:
     digest = hashlib.sha256()
     for path in sequence.paths:
-        digest.update(f"{path.name} {path.stat().st_size}".encode())
-        with path.open("rb") as handle:
+        file = split_station(path)[0]
+        digest.update(f"{path.name} {file.stat().st_size}".encode())
+        with file.open("rb") as handle:
             digest.update(handle.read(_SAMPLE))
     return digest.hexdigest()

@@ -8,7 +8,7 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
 from scanlock.io.formats.registry import FORMATS, format_of_name, open_contents, require_format
-from scanlock.io.formats.stations import require_stations
+from scanlock.io.formats.stations import require_stations, split_station
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import rescaled, scan_in_format
 
@@ -51,6 +51,38 @@ def read_scans(
         stations = require_stations(path, known.stations(path, data))
         scans = tuple(station.read(asked) for station in stations)
     return scans if scale is None else tuple(rescaled(scan, scale) for scan in scans)
+
+
+def station_paths(path: Path) -> tuple[Path, ...]:
+    """Return a path for each station of a file: ``site.e57#Hall``, or ``site.e57#1``.
+
+    Stations are named if all have names of their own, else numbered from 1. A file with one scan
+    gives its own path.
+
+    Raises
+    ------
+    FormatError
+        A damaged file, or one without stations.
+    MissingExtra
+        The format needs an optional dependency that is not installed.
+    """
+    name = format_of_name(path)
+    if name is None or FORMATS[name].stations is None:
+        return (path,)
+    known, data = open_contents(path, None)
+    if known.stations is None:
+        return (path,)
+    stations = require_stations(path, known.stations(path, data))
+    if len(stations) == 1:
+        return (path,)
+    named = [path.with_name(f"{path.name}#{one.name}") for one in stations if "/" not in one.name]
+    is_named = len(set(named)) == len(stations) and all(
+        split_station(one) == (path, station.name)
+        for one, station in zip(named, stations, strict=True)
+    )
+    if is_named:
+        return tuple(named)
+    return tuple(path.with_name(f"{path.name}#{k}") for k in range(1, len(stations) + 1))
 
 
 def write_scans(

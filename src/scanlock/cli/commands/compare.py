@@ -139,8 +139,8 @@ def compare(
     Parameters
     ----------
     scans : Path
-        Two scan files or more, or one folder of scans. Each scan is the source, the one before
-        it the target.
+        Two scan files or more, one folder of scans, or a file of stations. Each scan is the
+        source, the one before it the target.
     methods : str
         Registration methods; all by default.
     settings : Path
@@ -262,11 +262,12 @@ def _series(
     from scanlock.experiments.series import recorded_series, series_of
     from scanlock.io.poses.trajectory_files import read_trajectory
     from scanlock.io.sequences.scan_sequence import ScanSequence
+    from scanlock.io.station_files import station_paths
 
-    if len(scans) == 1 and scans[0].is_dir():
+    if len(scans) == 1 and (scans[0].is_dir() or len(station_paths(scans[0])) > 1):
         return recorded_series(scans[0], every=every, poses=ground_truth.poses)
     if len(scans) < 2:
-        raise InvalidInput("name two scan files or more, or one folder of scans")
+        raise InvalidInput("name two scan files or more, or one folder or file of scans")
     poses = () if ground_truth.poses is None else tuple(read_trajectory(ground_truth.poses)[1])
     if len(poses) not in (0, len(scans)):
         raise InvalidInput(

@@ -75,7 +75,8 @@ def map_folder(
     Parameters
     ----------
     folder : Path
-        Folder of scans: plain, KITTI, Ford Campus, or from scanlock simulate.
+        Folder of scans: plain, KITTI, Ford Campus, or from scanlock simulate; or a file of
+        stations, such as E57.
     output : Path
         Folder for trajectory, map and table of pairs.
     every : int

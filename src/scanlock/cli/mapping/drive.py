@@ -14,9 +14,10 @@ from scanlock.errors import FormatError, MissingExtra
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scanlock.arrays import Points
     from scanlock.clouds.point_cloud import PointCloud
     from scanlock.geometry.pose import Pose
+    from scanlock.io import ScanFile
+    from scanlock.io.crs.coordinate_system import CoordinateSystem
     from scanlock.io.sequences.scan_sequence import ScanSequence
     from scanlock.pipelines.odometry import OdometryStep
 
@@ -71,6 +72,8 @@ class Drive:
         Scans whose motion from the previous one is not verified.
     rows : list of Row
         The table of pairs.
+    crs : CoordinateSystem or None
+        Coordinate reference system of the scans, which the map keeps.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class Drive:
         self.positions: list[Any] = []
         self.unverified: list[int] = []
         self.rows: list[Row] = []
+        self.crs: CoordinateSystem | None = None
         self._sequence = sequence
         self._origin: Any = None
         self._options = options
@@ -146,15 +150,12 @@ class Drive:
 
     def write(self, output: Path) -> str:
         """Write map, trajectory and table, and return the lines to print."""
-        from scanlock.io import write_scan
+        from scanlock.cli.output import write_cloud
 
         if not self.poses:
             return ""
         self._write_rows(output)
-        fields = self.map.fields
-        if INTENSITY in fields:
-            fields[INTENSITY] = fields[INTENSITY].astype("float32")
-        write_scan(output / self.map_name, self.points(), fields)
+        write_cloud(output / self.map_name, self._cloud())
         try:
             self._draw(output / "map.png")
         except MissingExtra as missing:
@@ -163,11 +164,20 @@ class Drive:
             )
         return f"wrote {self.map_name}, map.png, trajectories and {PAIRS} to {output}"
 
-    def points(self) -> "Points | NDArray[Any]":
-        """Return the (n, 3) points of the map [m]; float32 unless they are map coordinates."""
-        return self.map.points.astype("float64") + self._origin if self.is_on_map else (
-            self.map.points
-        )  # fmt: skip
+    def _cloud(self) -> "ScanFile":
+        """Return the map with its fields, in float32 unless it has map coordinates."""
+        from scanlock.io import ScanFile
+
+        points, fields = self.map.points.astype("float64"), self.map.fields
+        if INTENSITY in fields:
+            fields[INTENSITY] = fields[INTENSITY].astype("float32")
+        return ScanFile(
+            points=points + self._origin if self.is_on_map else points,
+            fields=fields,
+            format="npz",
+            coordinate_dtype="float64" if self.is_on_map else "float32",
+            crs=self.crs,
+        )
 
     def length(self) -> float:
         """Return the length of the path [m]."""

@@ -91,11 +91,15 @@ class MapRun:
             except BaseException:
                 # After a broken scan or an interrupt, write the map so far.
                 with interrupt_delayed():
-                    print_lines(drive.write(self._output))
+                    print_lines(self._write())
                 raise
         self.seconds, self.registered = time.perf_counter() - begin, len(drive.poses) - done
         with interrupt_delayed():
-            return drive.write(self._output)
+            return self._write()
+
+    def _write(self) -> str:
+        self._drive.crs = self._scans.crs
+        return self._drive.write(self._output)
 
     def _restore(self, known: list[Row]) -> dict[str, Any]:
         """Build the map of the known scans again; return the options that continue odometry."""

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from scanlock.arrays import Points
     from scanlock.clouds.point_cloud import PointCloud
     from scanlock.io import ScanFile
+    from scanlock.io.crs.coordinate_system import CoordinateSystem
     from scanlock.io.sequences.scan_sequence import ScanSequence
 
     Values = NDArray[Any]
@@ -30,12 +31,18 @@ class MapScans:
     sequence : ScanSequence
     reading : Reading
         Options for reading the files.
+
+    Attributes
+    ----------
+    crs : CoordinateSystem or None
+        Coordinate reference system of the first scan that was read.
     """
 
     def __init__(self, sequence: "ScanSequence", reading: Reading) -> None:
         self._sequence = sequence
         self._reading = reading
         self._fields: dict[int, tuple[Values | None, Values | None]] = {}
+        self.crs: CoordinateSystem | None = None
         self._is_first = True
         self._has_intensity = False
         self._time = ""
@@ -78,9 +85,10 @@ class MapScans:
     def _read(self, number: int) -> "Points":
         from scanlock.io.description.guesses import time_field
         from scanlock.io.formats.registry import format_of_name
+        from scanlock.io.formats.stations import split_station
 
         path = self._sequence.paths[number]
-        if format_of_name(path) is None and self._reading.format is None:
+        if format_of_name(split_station(path)[0]) is None and self._reading.format is None:
             # Ford Campus has a reader of its own, without fields.
             self._fields[number] = None, None
             return self._sequence.scan(number)
@@ -89,7 +97,7 @@ class MapScans:
         if self._is_first:
             self._has_intensity = intensity is not None
             self._time = "" if time is None else time if time.isidentifier() else "time"
-            self._is_first = False
+            self.crs, self._is_first = scan.file.crs, False
         kept = [None if name is None else scan.file.fields[name] for name in (intensity, time)]
         if scan.blanks:
             measured = ~(scan.file.points == 0.0).all(axis=1)

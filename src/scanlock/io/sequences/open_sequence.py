@@ -17,6 +17,7 @@ from scanlock.io.poses.trajectory_files import read_kitti_poses, read_trajectory
 from scanlock.io.scans import read_scan
 from scanlock.io.sequences.scan_folders import natural_order, require_folder, scan_files
 from scanlock.io.sequences.scan_sequence import Loader, ScanSequence
+from scanlock.io.station_files import station_paths
 
 
 def open_sequence(
@@ -32,7 +33,7 @@ def open_sequence(
     ----------
     folder : path-like
         A folder of scan files, of KITTI raw or odometry, of the Ford Campus data set, or of
-        ``scanlock simulate``.
+        ``scanlock simulate``; or a file of stations (E57, PTX, PTS).
     poses : path-like, optional
         File of ``world_from_sensor`` of each scan, in KITTI or TUM format, instead of the poses
         of the folder.
@@ -60,9 +61,16 @@ def open_sequence(
     read.
     """
     folder = Path(folder)
-    require_folder(folder)
+    stations = station_paths(folder) if folder.is_file() else ()
+    if len(stations) < 2:
+        require_folder(folder)
     ford = _ford_files(folder)
-    sequence = _sequence("Ford Campus", ford, load=_load_ford) if ford else _open_other(folder)
+    if stations:
+        sequence = _sequence("stations", stations)
+    elif ford:
+        sequence = _sequence("Ford Campus", ford, load=_load_ford)
+    else:
+        sequence = _open_other(folder)
     if poses is not None:
         sequence = _with_poses(sequence, read_trajectory(poses)[1], Path(poses))
     sequence = sequence.subsampled(every, count)
@@ -99,7 +107,8 @@ def _open_other(folder: Path) -> ScanSequence:
         return _kitti_odometry(folder, scan_files(folder / "velodyne"))
     if (folder / "scans").is_dir():
         return _simulated(folder, scan_files(folder / "scans"))
-    return _sequence("folder of scans", scan_files(folder))
+    paths = [one for path in scan_files(folder) for one in station_paths(path)]
+    return _sequence("folder of scans", tuple(paths))
 
 
 def _ford_files(folder: Path) -> tuple[Path, ...]:

@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -55,13 +56,14 @@ def require_folder(folder: Path) -> None:
 def scan_files(folder: Path) -> tuple[Path, ...]:
     """Return the scan files of a folder in natural order: 2 before 10.
 
-    Text files beside scans of another format are notes and poses, and so are text files whose
-    rows are poses or times.
+    Files of one format may have several endings, such as .las and .laz. Text files beside scans
+    of another format are notes and poses, and so are text files whose rows are poses or times.
 
     Raises
     ------
     FormatError
-        No scans, or scans of several formats; the message names subfolders that have scans.
+        No scans, scans of several formats, or one scan with two endings; the message names
+        subfolders that have scans.
     """
     # Hidden files are incomplete scans, or metadata of other systems.
     files = [path for path in folder.iterdir() if path.is_file() and path.name[0] != "."]
@@ -72,7 +74,8 @@ def scan_files(folder: Path) -> tuple[Path, ...]:
     elif extensions <= _NOTE_ENDINGS and any(map(_is_note, found[:_CHECKED])):
         found = [path for path in found if not _is_note(path)]
     found = [path for path in found if path.suffix.lower() in extensions]
-    if found and len(extensions) == 1:
+    if len({format_of_name(path) for path in found}) == 1:
+        _require_one_each(folder, found)
         return natural_order(found)
     if found:
         raise FormatError(
@@ -80,6 +83,17 @@ def scan_files(folder: Path) -> tuple[Path, ...]:
             "a folder with the scans of one format only"
         )
     raise FormatError(f"{folder}: {_hint(folder, files)}")
+
+
+def _require_one_each(folder: Path, paths: list[Path]) -> None:
+    """Raise `FormatError` if a scan is there twice, with two endings."""
+    stems = Counter(path.stem for path in paths)
+    twice = natural_order(path for path in paths if stems[path.stem] > 1)
+    if len({path.suffix.lower() for path in twice}) > 1:
+        same = [path.name for path in twice if path.stem == twice[0].stem]
+        raise FormatError(
+            f"{folder}: expected each scan once, found {' and '.join(same)}; move one of them away"
+        )
 
 
 def natural_order(paths: Iterable[Path]) -> tuple[Path, ...]:

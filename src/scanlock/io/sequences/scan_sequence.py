@@ -9,6 +9,7 @@ import numpy as np
 from scanlock.arrays import Labels, Points, Vector, frozen
 from scanlock.errors import require_count
 from scanlock.geometry.pose import Pose
+from scanlock.io.formats.stations import split_station
 
 Loader = Callable[[Path], Points]
 """Function that returns the (n, 3) points [m] of a file, without rows at (0, 0, 0)."""
@@ -56,8 +57,8 @@ class ScanSequence:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Name of each scan: that of its file without the extension."""
-        return tuple(path.stem for path in self.paths)
+        """Name of each scan: that of its file without the extension, and ``#`` with a station."""
+        return tuple(map(_name, self.paths))
 
     def scan(self, index: int) -> Points:
         """Read the (n, 3) points [m] of a scan."""
@@ -81,3 +82,8 @@ class ScanSequence:
             numbers=self.numbers[taken],
             poses=tuple(self.poses[row] for row in rows) if self.poses else (),
         )
+
+
+def _name(path: Path) -> str:
+    file, station = split_station(path)
+    return file.stem if station is None else f"{file.stem}#{station}"

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from reference.samples import street, yaw_pose
-from scanlock.io import read_kitti_poses, read_scan, read_tum_poses, write_scan
+from scanlock.io import (
+    ScanFile,
+    read_kitti_poses,
+    read_scan,
+    read_tum_poses,
+    write_scan,
+    write_scans,
+)
 
 _POSES = [yaw_pose(0.1 * k, (1.5 * k, 0.0, 0.0)) for k in range(4)]
 
@@ -154,6 +161,33 @@ def test_a_map_has_the_fields_of_the_scans(scanlock, tmp_path):
     assert found.fields["t"].dtype == np.uint32
     # The blank row is no point of the map.
     assert not (np.abs(found.points) < 0.05).all(axis=1).any()
+
+
+@pytest.mark.parametrize("ending", ["las", "ply"])
+def test_intensities_of_any_format_are_written_as_any_other(scanlock, tmp_path, ending):
+    pytest.importorskip("laspy")
+    folder, out = tmp_path / "drive", tmp_path / "out"
+    folder.mkdir()
+    for k, pose in enumerate(_POSES[:2]):
+        points = pose.inverse().apply(street(k + 1))
+        write_scan(folder / f"{k}.las", points, {"intensity": np.full(len(points), 7, np.uint16)})
+    assert scanlock("map", folder, "-o", out, "--map-format", ending).code == 0
+    assert set(read_scan(out / f"map.{ending}").fields["intensity"].tolist()) == {7}
+
+
+def test_the_stations_of_a_file_are_mapped(scanlock, tmp_path):
+    stations = [
+        ScanFile(points=pose.inverse().apply(street(k + 1)), fields={}, format="ptx")
+        for k, pose in enumerate(_POSES[:3])
+    ]
+    write_scans(tmp_path / "site.ptx", stations)
+    out = tmp_path / "out"
+    done = scanlock("map", tmp_path / "site.ptx", "-o", out)
+    assert (done.code, done.err) == (0, "")
+    assert "(stations)" in done.out
+    for pose, truth in zip(read_kitti_poses(out / "trajectory_kitti.txt"), _POSES, strict=False):
+        assert pose.is_close(truth, translation=0.2, rotation=0.02)
+    assert "2,site#3,2.0" in (out / "scans.csv").read_text()
 
 
 @pytest.mark.slow

@@ -5,7 +5,13 @@ from scipy.io import savemat
 from reference.samples import street, yaw_pose
 from scanlock.errors import FormatError, InvalidInput
 from scanlock.geometry.pose import Pose
-from scanlock.io import write_kitti_poses, write_scan, write_tum_poses
+from scanlock.io import (
+    ScanFile,
+    write_kitti_poses,
+    write_scan,
+    write_scans,
+    write_tum_poses,
+)
 from scanlock.io.datasets.ford import VEHICLE_FROM_LASER, read_ford_scan
 from scanlock.io.sequences.open_sequence import open_sequence
 
@@ -29,6 +35,44 @@ def test_files_of_a_plain_folder_are_in_natural_order(tmp_path):
     np.testing.assert_array_equal(found.times, np.arange(12.0))
     # The row at (0, 0, 0) is removed.
     np.testing.assert_array_equal(found.scan(10), np.full((4, 3), 11.0))
+
+
+def _stations(path, names):
+    scans = [
+        ScanFile(points=street(k + 1, 100), fields={}, format="e57", station=name)
+        for k, name in enumerate(names)
+    ]
+    write_scans(path, scans)
+    return path
+
+
+def test_the_stations_of_a_file_are_a_sequence(tmp_path):
+    sequence = open_sequence(_stations(tmp_path / "site.ptx", ["", "", ""]), every=2)
+    assert (sequence.title, sequence.names) == ("stations", ("site#1", "site#3"))
+    np.testing.assert_allclose(sequence.scan(1), street(3, 100), atol=1e-12)
+    single = _stations(tmp_path / "single.ptx", [""])
+    with pytest.raises(FormatError, match="expected a folder of scans, found a file"):
+        open_sequence(single)
+    sequence = open_sequence(tmp_path)
+    assert sequence.names == ("single", "site#1", "site#2", "site#3")
+    np.testing.assert_allclose(sequence.scan(2), street(2, 100), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("Yard", "Hall"), ("site#Yard", "site#Hall")),
+        (("Yard", "Yard"), ("site#1", "site#2")),
+        (("2", "1"), ("site#1", "site#2")),
+        (("Yard", "a/b"), ("site#1", "site#2")),
+        (("Yard", "a#b"), ("site#1", "site#2")),
+    ],
+)
+def test_stations_are_named_where_their_names_are_clear(tmp_path, names, expected):
+    pytest.importorskip("pye57")
+    sequence = open_sequence(_stations(tmp_path / "site.e57", names))
+    assert sequence.names == expected
+    np.testing.assert_allclose(sequence.scan(1), street(2, 100), atol=1e-6)
 
 
 def test_hidden_and_incomplete_files_are_skipped(tmp_path):

@@ -92,3 +92,16 @@ def test_a_file_is_no_folder(tmp_path):
     with pytest.raises(FormatError, match="expected a folder of scans, found a file"):
         require_folder(tmp_path / "0.ply")
     require_folder(tmp_path)
+
+
+def test_endings_of_one_format_are_listed_together(tmp_path):
+    for name in ("10.laz", "2.las", "1.LAZ"):
+        (tmp_path / name).write_bytes(b"LASF")
+    (tmp_path / "notes.txt").write_text("measured on a Monday\n")
+    assert [path.name for path in scan_files(tmp_path)] == ["1.LAZ", "2.las", "10.laz"]
+    (tmp_path / "2.laz").write_bytes(b"LASF")
+    with pytest.raises(FormatError, match=r"each scan once, found 2\.las and 2\.laz"):
+        scan_files(tmp_path)
+    (tmp_path / "3.ply").write_bytes(b"ply\n")
+    with pytest.raises(FormatError, match=r"found files of \.las, \.laz, \.ply"):
+        scan_files(tmp_path)
