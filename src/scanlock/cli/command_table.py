@@ -109,10 +109,12 @@ Examples:
   scanlock map drive -o drive-map
   scanlock map 2011_09_26_drive_0005_sync -o map --every 10 --guess identity
   scanlock map drive -o drive-map --resume
+  scanlock map site.e57 -o site-map
   scanlock map drive -o icp-map --method icp --set voxel_size=0.3
 
 Folders: scan files in natural order, KITTI raw and odometry, Ford Campus, or the
-output of scanlock simulate. After an interrupt the map so far is written.
+output of scanlock simulate. The stations of an E57 or PTX file are mapped in its
+order. After an interrupt the map so far is written.
 Exit code: 2 if a pair is not verified.
 """,
     ),

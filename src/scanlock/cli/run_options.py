@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from scanlock.errors import InvalidInput
+
 NAME = "options.json"
 """Name of the file in the output folder."""
+
+PAGE = "index.md"
+"""Name of the page that a run writes last."""
 
 Options = Mapping[str, str | int | float | bool | None]
 """Values by the name of an option."""
@@ -43,6 +48,29 @@ def changed_options(folder: Path, options: Options) -> list[str] | None:
         for name, value in options.items()
         if known.get(name) != value
     ]
+
+
+def require_same_page(folder: Path, options: Options, noun: str) -> None:
+    """Raise `InvalidInput` if a folder has the page of a run with other options.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder.
+    options : Options
+        Options of this run.
+    noun : str
+        Word for the runs, such as ``"comparison"``.
+    """
+    if not (folder / PAGE).exists():
+        return
+    changes = changed_options(folder, options)
+    if changes is None or changes:
+        differences = "; ".join(changes or ["its options are not known"])
+        raise InvalidInput(
+            f"{folder} contains another {noun} ({differences}); use another folder, or "
+            "--overwrite to replace its page"
+        )
 
 
 def digest(*parts: object) -> str:

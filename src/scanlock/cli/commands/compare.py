@@ -9,7 +9,7 @@ from cyclopts import Group, Parameter
 
 from scanlock.cli.method_options import CHANGES, Changes
 from scanlock.cli.option_types import Flag, MethodName
-from scanlock.cli.run_options import Options, changed_options, digest, write_options
+from scanlock.cli.run_options import Options, digest, require_same_page, write_options
 from scanlock.cli.scan_input import Reading
 from scanlock.errors import InvalidInput, require_count
 
@@ -188,7 +188,7 @@ def compare(
     )
     options = _options(comparison)
     if not overwrite:
-        _require_same(output, options)
+        require_same_page(output, options, "comparison")
     output.mkdir(exist_ok=True)
     with compile_watch():
         done = compared_by(comparison, output / "records.jsonl", progress)
@@ -219,19 +219,6 @@ def _options(comparison: "Comparison") -> Options:
         "starts": "none" if plan is None else f"{len(plan.names)}, {digest(plan)}",
         "solved": str(comparison.tolerance),
     }
-
-
-def _require_same(output: Path, options: Options) -> None:
-    """Raise `InvalidInput` if a folder has the page of another comparison."""
-    if not (output / "index.md").exists():
-        return
-    changes = changed_options(output, options)
-    if changes is None or changes:
-        differences = "; ".join(changes or ["its options are not known"])
-        raise InvalidInput(
-            f"{output} contains another comparison ({differences}); use another folder, or "
-            "--overwrite to replace its page"
-        )
 
 
 def _methods(

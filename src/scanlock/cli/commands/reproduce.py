@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from scanlock.cli.option_types import Flag
+from scanlock.cli.run_options import Options, digest, require_same_page, write_options
 from scanlock.errors import InvalidInput, require_count
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ def reproduce(
     data: Path | None = None,
     poses: Path | None = None,
     threads: int = 1,
+    overwrite: Flag = False,
 ) -> None:
     """Reproduce an experiment of the papers and write a page with the published numbers beside.
 
@@ -50,6 +53,9 @@ def reproduce(
         True poses of all scans in that folder (KITTI or TUM format).
     threads : int
         Maximum number of threads of a registration; only times depend on it.
+    overwrite : bool
+        Replace the page of a run with other options in the folder; its registrations are used
+        again.
     """
     from scanlock.cli.compile_notice import compile_watch
     from scanlock.cli.console import print_line, print_table, print_title, waiting
@@ -70,7 +76,12 @@ def reproduce(
     with compile_watch():
         with waiting("preparing"):
             series = _series(chosen, scans, seed, data, poses)
+        options = _options(chosen, series)
+        if not overwrite:
+            require_same_page(folder, options, "reproduction")
+        folder.mkdir(exist_ok=True)
         done = reproduced(chosen, series, folder, progress, threads=threads)
+    write_options(folder, options)
     print_title(f"{chosen.title}: {series.title}")
     headline = done.findings.headline
     if headline is not None:
@@ -80,6 +91,17 @@ def reproduce(
         show_errors(done.outcome.records, SOLVED, voxels=voxels)
     _show_claims(done.findings)
     print_line(f"wrote {done.page} with tables, figures and maps")
+
+
+def _options(experiment: "Experiment", series: "ScanSeries") -> Options:
+    """Return what makes a run another one."""
+    points = digest(series.key, *series.names, *series.truth)
+    settings = {one.name: one.method for one in experiment.contenders}
+    return {
+        "experiment": experiment.name,
+        "scans": f"{series.origin or series.title} ({points})",
+        "settings": digest(*settings, *settings.values(), experiment.starts),
+    }
 
 
 def _series(

@@ -29,7 +29,6 @@ def segment(
     /,
     *,
     settings: Path | None = None,
-    threads: int = 1,
     output: OutputFile = None,
     colours: Annotated[bool, Parameter(negative="--no-colours")] = True,
     picture: Path | None = None,
@@ -44,8 +43,6 @@ def segment(
         Scan file.
     settings : Path
         Your own settings: TOML as printed by scanlock settings segment.
-    threads : int
-        Maximum number of threads; the result does not depend on it.
     output : Path
         File of labels (.npy, .txt, .csv, .label) or of the labelled scan (.ply, .pcd, .npz, .las,
         .laz).
@@ -68,7 +65,6 @@ def segment(
     from scanlock.report.labelled_scan import compared_ground
     from scanlock.segmentation.segmentation import Segmenter
     from scanlock.segmentation.segmentation import segment as segmented
-    from scanlock.threads import using_threads
 
     if output is not None:
         require_ending(output, (*_LABEL_ENDINGS, *_SCAN_ENDINGS), "the output")
@@ -79,7 +75,7 @@ def segment(
         require_folder(picture)
     segmenter = Segmenter() if settings is None else read_settings_like(settings, Segmenter())
     loaded = (reading or Reading()).load(scan)
-    with compile_watch(), using_threads(threads):
+    with compile_watch():
         found = segmented(loaded.points, segmenter)
     wrote: list[str] = []
     if output is not None:

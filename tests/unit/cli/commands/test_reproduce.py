@@ -64,6 +64,24 @@ def test_a_second_run_reads_records_and_times(scanlock, toys, tmp_path):
 
 
 @pytest.mark.slow
+def test_the_page_of_another_run_is_kept_unless_it_may_be_replaced(scanlock, toys, tmp_path):
+    out = tmp_path / "out"
+    assert scanlock("reproduce", "urban", "-o", out).code == 0
+    page = (out / "index.md").read_bytes()
+    done = scanlock("reproduce", "forest", "-o", out)
+    assert (done.code, done.out) == (1, "")
+    assert "contains another reproduction (experiment was urban, is forest)" in done.err
+    assert (out / "index.md").read_bytes() == page
+    (out / "options.json").unlink()
+    assert "options are not known" in scanlock("reproduce", "urban", "-o", out).err
+    assert scanlock("reproduce", "forest", "-o", out, "--overwrite").code == 0
+    assert (out / "index.md").read_bytes() != page
+    done = scanlock("reproduce", "urban", "-o", tmp_path / "typo" / "out")
+    assert done.code == 1
+    assert not (tmp_path / "typo").exists()
+
+
+@pytest.mark.slow
 def test_claims_on_a_few_pairs_are_not_judged(scanlock, toys, tmp_path, monkeypatch):
     monkeypatch.setattr(claims, "MIN_PAIRS", 10)
     done = scanlock("reproduce", "urban", "-o", tmp_path)

@@ -146,13 +146,6 @@ def test_settings_change_the_segmentation(scanlock, scans, tmp_path):
     assert (done.code, "did you mean min_points?" in done.err) == (1, True)
 
 
-def test_the_labels_do_not_depend_on_the_number_of_threads(scanlock, scans):
-    runs = [scanlock("segment", scans / "target.npy", "--json", "--threads", n) for n in (1, 3)]
-    assert runs[0].out == runs[1].out
-    done = scanlock("segment", scans / "target.npy", "--threads", 0)
-    assert (done.code, "threads" in done.err) == (1, True)
-
-
 @pytest.mark.parametrize("ending", [".ply", ".pcd"])
 def test_colours_follow_the_labels(scanlock, scans, tmp_path, ending):
     path = tmp_path / f"scan{ending}"
