@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections import defaultdict, deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,10 @@ from scanlock.pipelines.many.pair import Pair
 from scanlock.pipelines.many.pair_row import PairRow
 
 _MAX_ARRAY_BYTES = 256 << 20
-"""Bytes of arrays that are read ahead at a time; paths have no such bound."""
+"""Bytes of arrays that wait for a batch; paths have no such bound."""
+
+_LAST_PARTS = 20
+"""Ratio of the size of a batch to that of the last one."""
 
 _MAX_PAIRS = 1000
 """Maximum number of pairs of a batch."""
@@ -72,22 +75,46 @@ class Batches:
 
     def __init__(self, pairs: Iterator[Pair]) -> None:
         self._pairs = enumerate(pairs)
-        self._waiting = deque[Batch]()
+        self._waiting = deque[tuple[int, Pair]]()
+        self._bytes = 0
+        self._has_ended = False
 
     def next(self, size: int, workers: int) -> Batch | None:
         """Return the next batch; None at the end of the list.
 
-        Pairs are read for one batch of `size` per worker at a time, and ordered so that the pairs
-        of a batch share scans.
+        Pairs are read in rounds of one batch of `size` per worker, two rounds ahead, and ordered
+        so that the pairs of a batch share scans. The last batches become smaller and smaller, so
+        that all workers end at about the same time.
         """
+        count = size * workers
+        while not self._has_ended and len(self._waiting) <= count:
+            if self._bytes >= _MAX_ARRAY_BYTES:
+                break
+            self._read(count)
         if not self._waiting:
-            taken = list(_up_to(self._pairs, size * workers))
-            taken = [taken[row] for row in sharing_order([pair for _, pair in taken])]
-            each = max(1, min(size, math.ceil(len(taken) / workers)))
-            for begin in range(0, len(taken), each):
-                numbers, pairs = zip(*taken[begin : begin + each], strict=True)
-                self._waiting.append(Batch(numbers=numbers, pairs=pairs))
-        return self._waiting.popleft() if self._waiting else None
+            return None
+        waiting = len(self._waiting)
+        if self._has_ended:
+            each = max(math.ceil(waiting / (2 * workers)), math.ceil(size / _LAST_PARTS))
+        else:
+            each = math.ceil(waiting / workers)
+        taken = [self._waiting.popleft() for _ in range(min(each, size, waiting))]
+        self._bytes -= sum(_array_bytes(pair) for _, pair in taken)
+        numbers, pairs = zip(*taken, strict=True)
+        return Batch(numbers=numbers, pairs=pairs)
+
+    def _read(self, count: int) -> None:
+        """Read up to a number of pairs, in an order in which neighbours share scans."""
+        found: list[tuple[int, Pair]] = []
+        for one in itertools.islice(self._pairs, count):
+            found.append(one)
+            self._bytes += _array_bytes(one[1])
+            if self._bytes >= _MAX_ARRAY_BYTES:
+                break
+        else:
+            self._has_ended = len(found) < count
+        order = sharing_order([pair for _, pair in found])
+        self._waiting.extend(found[row] for row in order)
 
 
 def sharing_order(pairs: Sequence[Pair]) -> list[int]:
@@ -116,11 +143,6 @@ def _identity(scan: object) -> Any:
     return str(scan) if isinstance(scan, str) or hasattr(scan, "__fspath__") else id(scan)
 
 
-def _up_to(pairs: Iterable[tuple[int, Pair]], count: int) -> Iterator[tuple[int, Pair]]:
-    size = 0
-    for number, pair in itertools.islice(pairs, count):
-        yield number, pair
-        for scan in (pair.source, pair.target):
-            size += scan.nbytes if isinstance(scan, np.ndarray) else 0
-        if size > _MAX_ARRAY_BYTES:
-            return
+def _array_bytes(pair: Pair) -> int:
+    scans = (pair.source, pair.target)
+    return sum(scan.nbytes for scan in scans if isinstance(scan, np.ndarray))

@@ -1,4 +1,5 @@
 import itertools
+import math
 
 import numpy as np
 from hypothesis import given
@@ -49,17 +50,33 @@ def test_batches_hold_every_pair_once_and_are_no_larger_than_asked(pairs, size, 
     assert [numbered[k] for k in range(len(pairs))] == pairs
 
 
-def test_a_list_without_end_is_read_one_round_at_a_time():
+def test_a_list_without_end_is_read_two_rounds_ahead():
     taken = itertools.count()
     batches = Batches(Pair(source=str(next(taken)), target="t") for _ in itertools.count())
-    batches.next(5, 2)
-    assert next(taken) == 10
+    assert len(batches.next(5, 2).pairs) == 5
+    assert next(taken) == 20
+
+
+@given(st.integers(1, 400), st.integers(1, 60), st.integers(1, 8))
+def test_workers_end_within_a_twentieth_of_a_batch(count, size, workers):
+    batches = Batches(Pair(source=str(k), target="t") for k in range(count))
+    ends = [0] * workers
+    for batch in iter(lambda: batches.next(size, workers), None):
+        # The worker that is free first takes the next batch.
+        first = ends.index(min(ends))
+        ends[first] += len(batch.pairs)
+    assert max(ends) - min(ends) <= max(1, math.ceil(size / 20))
 
 
 def test_few_arrays_are_read_ahead():
     big = np.broadcast_to(np.float64(0.0), (30_000_000, 3))
-    batches = Batches(Pair(source=big, target=big) for _ in itertools.count())
-    assert len(batches.next(100, 2).pairs) == 1
+    taken = itertools.count()
+    batches = Batches(
+        Pair(source=big, target=big, name=str(next(taken))) for _ in itertools.count()
+    )
+    for expected in (1, 2, 3):
+        assert len(batches.next(100, 2).pairs) == 1
+        assert next(taken) == 2 * expected - 1
 
 
 def _rows(count, seconds):

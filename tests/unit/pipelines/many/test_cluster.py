@@ -26,9 +26,16 @@ def pairs(tmp_path_factory):
 @pytest.fixture(scope="module")
 def two_workers():
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None
-    ) as found:
+    dask = importlib.import_module("dask")
+    # By default, a local cluster gives up a worker that is not back after 15 s, or that is dead
+    # 15 s after an earlier death.
+    patience = dask.config.set({"distributed.deploy.lost-worker-timeout": "10 minutes"})
+    with (
+        patience,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as found,
+    ):
         yield found
 
 

@@ -54,7 +54,8 @@ class FakeWorkers:
         return isinstance(error, Died)
 
     def require_alive(self):
-        """Workers of tests do not die unnoticed."""
+        """End a batch, since no further one is submitted."""
+        self._end_one()
 
     def recover(self):
         assert not self.running
@@ -75,22 +76,11 @@ def _row(pair):
     )
 
 
-class Ender:
-    """Iterator over pairs that ends a running batch at the end of the list."""
-
-    def __init__(self, pairs, workers):
-        self._pairs, self._workers = iter(pairs), workers
-
-    def __iter__(self):
-        return self
-
-    def __next__(self):
-        try:
-            return next(self._pairs)
-        except StopIteration:
-            if self._workers.running:
-                self._workers._end_one()
-            raise
+@pytest.fixture(scope="module", autouse=True)
+def short_checks():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dispatch, "_CHECK_SECONDS", 0.001)
+        yield
 
 
 def _pairs(names):
@@ -107,7 +97,7 @@ def _pairs(names):
 )
 def test_only_the_pairs_that_end_workers_become_errors(names, choice, shared_fate):
     workers = FakeWorkers(lambda count: choice % count, shared_fate)
-    rows = list(Dispatch(Ender(_pairs(names), workers), workers).rows())
+    rows = list(Dispatch(iter(_pairs(names)), workers).rows())
     assert [row.extra["number"] for row in rows] == [str(k) for k in range(len(names))]
     assert [row.status for row in rows] == ["error" if name == "killer" else "ok" for name in names]
     assert all(row.error == "WorkerDied" for row in rows if row.status == "error")
@@ -151,7 +141,7 @@ def test_rows_that_wait_for_an_earlier_one_are_bounded():
     assert len(dispatch._rows) < next(read) < 5000
 
 
-def test_a_run_without_workers_ends_with_an_error(monkeypatch):
+def test_a_run_without_workers_ends_with_an_error():
     class Lost(FakeWorkers):
         def submit(self, batch):
             return Future()  # never ends
@@ -159,7 +149,6 @@ def test_a_run_without_workers_ends_with_an_error(monkeypatch):
         def require_alive(self):
             raise WorkersLost("no worker")
 
-    monkeypatch.setattr(dispatch, "_CHECK_SECONDS", 0.01)
     with pytest.raises(WorkersLost, match="no worker"):
         list(Dispatch(iter([Pair(source="a.bin", target="b.bin")]), Lost()).rows())
 
