@@ -11,7 +11,7 @@ from scanlock.pipelines.many.workers import Running
 _PROTOCOLS = ("tcp://", "tls://", "ws://", "wss://", "ucx://")
 
 
-_MAX_EMPTY_CHECKS = 6
+_MAX_EMPTY_CHECKS = 30
 """Maximum number of checks in a row without a worker, ten seconds apart."""
 
 
@@ -60,12 +60,12 @@ class ClusterWorkers:
         return isinstance(error, self._killed)
 
     def require_alive(self) -> None:
-        """Raise `WorkersLost` if the cluster has had no worker for a minute."""
+        """Raise `WorkersLost` if the cluster has had no worker for five minutes."""
         self._empty_checks = 0 if self._client.nthreads() else self._empty_checks + 1
         if self._empty_checks >= _MAX_EMPTY_CHECKS:
             raise WorkersLost(
-                "the cluster has had no worker for a minute; start workers, and register the other "
-                "pairs (--resume at the command line)"
+                "the cluster has had no worker for five minutes; start workers, and register the "
+                "other pairs (--resume at the command line)"
             )
 
     def recover(self) -> None:
