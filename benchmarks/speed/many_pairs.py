@@ -73,7 +73,10 @@ def add_unit_costs(results: Results, pairs: list[PairOfPaths]) -> None:
         source, target = (
             timed("prepare a scan", lambda scan=scan: prepare(scan)) for scan in points
         )
-        timed("register a pair", lambda s=source, t=target: register(source=s, target=t))
+        timed(
+            "register a pair",
+            lambda s=source, t=target: register(source=s, target=t, covariance=False),
+        )
         timed(
             "register a pair with its covariance",
             lambda s=source, t=target: register(source=s, target=t, covariance="sandwich"),
