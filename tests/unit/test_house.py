@@ -128,12 +128,13 @@ def test_a_kernel_file_knows_arrays_and_numba_only(path):
         "scanlock.kernels._compile",
         "scanlock.kernels._inline",
     }
-    if path.name in ("_compile.py", "_cache.py"):
+    if path.name in ("_compile.py", "_cache.py", "_helper_compiler.py"):
         allowed = {
             "collections.abc",
             "contextlib",
             "functools",
             "hashlib",
+            "importlib",
             "inspect",
             "logging",
             "pathlib",
@@ -141,6 +142,7 @@ def test_a_kernel_file_knows_arrays_and_numba_only(path):
             "numba",
             "numba.core",
             "scanlock.kernels._cache",
+            "scanlock.kernels._helper_compiler",
         }
     imported = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -149,6 +151,22 @@ def test_a_kernel_file_knows_arrays_and_numba_only(path):
         elif isinstance(node, ast.ImportFrom):
             imported.add("." * node.level + (node.module or ""))
     assert imported <= allowed
+
+
+def test_only_kernels_import_helpers_which_python_cannot_call():
+    offenders = []
+    for path in sorted((_ROOT / "src" / "scanlock").rglob("*.py")):
+        if "kernels" in path.parts:
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(
+                "scanlock.kernels"
+            ):
+                is_inline = node.module == "scanlock.kernels._inline"
+                private = [alias.name for alias in node.names if alias.name.startswith("_")]
+                if is_inline or private:
+                    offenders.append(f"{path.name}:{node.lineno}")
+    assert not offenders
 
 
 def _storeys():

@@ -12,6 +12,7 @@ from typing import Any, TypeVar, cast
 import numba
 
 from scanlock.kernels._cache import kernel_cache
+from scanlock.kernels._helper_compiler import HelperCompiler
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -21,8 +22,12 @@ _LOGGER = logging.getLogger("scanlock")
 # and fused, which is what vectorising a reduction needs.
 _REORDERED_SUMS = {"reassoc", "contract", "nsz", "arcp"}
 
-# Entry points for calls from Python and from C, which a helper of kernels does not need.
-_NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_HELPER: dict[str, Any] = {
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": HelperCompiler,
+}
 
 
 class CompileNotice:
@@ -88,24 +93,34 @@ def sum_kernel(function: _Function) -> _Function:
     return _compiled(function, fastmath=_REORDERED_SUMS)
 
 
+def helper(function: _Function) -> _Function:
+    """Compile a function that only kernels call, as part of each kernel."""
+    return cast(_Function, numba.njit(**_HELPER)(function))
+
+
+def sum_helper(function: _Function) -> _Function:
+    """Compile a helper whose order of summation may change to use vector units."""
+    return cast(_Function, numba.njit(**_HELPER, fastmath=_REORDERED_SUMS)(function))
+
+
 def inlined(function: _Function) -> _Function:
-    """Compile a helper into every kernel that calls it; sums may be reordered.
+    """Compile a helper into the body of each kernel that calls it; sums may be reordered.
 
     Without this the compiler may leave a call with twenty arguments in an inner loop, which
     costs more than the called code. LLVM copies the helper, which takes a third of the time that
     Numba takes to copy it (``inline="always"``) and to find the types of each copy.
     """
-    options: dict[str, Any] = {
-        "error_model": "numpy",
-        "fastmath": _REORDERED_SUMS,
-        "forceinline": True,
-        **_NO_WRAPPERS,
-    }
+    options: dict[str, Any] = {**_HELPER, "fastmath": _REORDERED_SUMS, "forceinline": True}
     return cast(_Function, numba.njit(**options)(function))
 
 
 def _compiled(function: _Function, fastmath: bool | set[str]) -> _Function:
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
+    options: dict[str, Any] = {
+        "nogil": True,
+        "error_model": "numpy",
+        "fastmath": fastmath,
+        "no_cfunc_wrapper": True,  # kernels are called from Python only, not from C
+    }
     compiled: Any = numba.njit(**options)(function)
     if compiled is function:
         return function  # NUMBA_DISABLE_JIT

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import inlined, kernel, sum_kernel
+from scanlock.kernels._compile import helper, inlined, kernel, sum_helper, sum_kernel
 from scanlock.kernels._inline import (
     Triple,
     add_point_terms,
@@ -55,7 +55,7 @@ def cell_table(cells: Labels, slots: int) -> Labels:
     return table
 
 
-@kernel
+@helper
 def _row_of(table: Labels, cells: Labels, i: int, j: int, k: int) -> int:
     """Return the row of a cell, or -1 if it is not in the table."""
     return int(find_voxel(table, cells, i, j, k)[1])
@@ -128,7 +128,7 @@ def neighbour_cell_rows(
     return starts, members
 
 
-@kernel
+@helper
 def _score(squared: float, sharpness: float, window_start: float, window_end: float) -> Triple:
     """Return the score of a pair and its first two derivatives in the squared distance."""
     score = -math.exp(-0.5 * sharpness * squared)
@@ -176,7 +176,7 @@ def _add_cell(
     sums[9] += slope * k22 + curve * b2 * b2 + exact * (2.0 * g2 * w2)
 
 
-@sum_kernel
+@sum_helper
 def _add_point(terms: Vector, sums: Vector, y: Triple, exact: float) -> None:
     """Add the 28 terms of a point, given its 10 sums f, g and H."""
     g = sums[1], sums[2], sums[3]
@@ -184,7 +184,7 @@ def _add_point(terms: Vector, sums: Vector, y: Triple, exact: float) -> None:
     add_point_terms(terms, sums[0], y, g, h, exact)
 
 
-@kernel
+@helper
 def _rows_at_offsets(
     table: Labels, cells: Labels, offsets: Labels, i: int, j: int, k: int, rows: Labels
 ) -> int:

@@ -25,7 +25,7 @@ exactly zero, so superfluous pairs cost time and change no sum.
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import inlined, kernel, sum_kernel
+from scanlock.kernels._compile import inlined, kernel, sum_helper, sum_kernel
 from scanlock.kernels._inline import (
     NO_TERMS,
     Nine,
@@ -98,7 +98,7 @@ def _rotation_derivatives(
     return g, (n00, n01, n02, n10, n11, n12, n20, n21, n22), (h00, h01, h02, h11, h12, h22)
 
 
-@sum_kernel
+@sum_helper
 def _add_block(
     block: Matrix,
     count: int,
@@ -258,7 +258,7 @@ def d2d_terms_by_run(
     first = 0
     for run in range(ends.shape[0]):
         last = ends[run]
-        terms[run] = d2d_terms(
+        sums = d2d_terms(
             target_means,
             target_covariances,
             target_weights,
@@ -275,5 +275,7 @@ def d2d_terms_by_run(
             window_end,
             exact,
         )
+        for term in range(28):
+            terms[run, term] = sums[term]
         first = last
     return terms

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Matrix, Vector
-from scanlock.kernels._compile import inlined, kernel, sum_kernel
+from scanlock.kernels._compile import helper, inlined, kernel, sum_helper
 from scanlock.kernels._inline import Symmetric, Triple
 
 _BLOCK = 128
@@ -71,7 +71,7 @@ def _ordered(u: float, a: Triple, v: float, b: Triple) -> tuple[float, Triple, f
     )
 
 
-@sum_kernel
+@sum_helper
 def _decompose_block(entries: Vector, eigen: Vector) -> None:
     """Write the ascending eigenvalues (3 rows) and the axes (9 rows) of packed matrices (6 rows).
 
@@ -100,7 +100,7 @@ def _decompose_block(entries: Vector, eigen: Vector) -> None:
         eigen[9 * _BLOCK + k], eigen[10 * _BLOCK + k], eigen[11 * _BLOCK + k] = z
 
 
-@sum_kernel
+@sum_helper
 def _regularise_block(eigen: Vector, min_variance: float, min_ratio: float, packed: Vector) -> None:
     """Raise the variances of a block in place, and write the packed covariances (6 rows)."""
     for k in range(_BLOCK):
@@ -120,7 +120,7 @@ def _regularise_block(eigen: Vector, min_variance: float, min_ratio: float, pack
         packed[5 * _BLOCK + k] = u * a2 * a2 + v * b2 * b2 + w * c2 * c2
 
 
-@kernel
+@helper
 def _copy_block(packed: Matrix, start: int, count: int, entries: Vector) -> None:
     """Copy a block of packed matrices to rows of equal entries, as vector units read them."""
     for k in range(count):

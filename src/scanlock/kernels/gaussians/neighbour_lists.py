@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_kernel
 
 _MAX_CELLS = 128
 """Largest number of cells along a side of the grid."""
@@ -94,7 +94,7 @@ def sorted_by_cell(
     return starts, order, ordered, np.array([x0, y0]), cell_size, columns, rows
 
 
-@kernel
+@helper
 def _transformed(means: Points, rotation: Matrix, translation: Vector) -> Matrix:
     """Return the coordinates (3, m) [m] of points transformed by a pose."""
     positions = np.empty((3, means.shape[0]), np.float64)
@@ -106,7 +106,7 @@ def _transformed(means: Points, rotation: Matrix, translation: Vector) -> Matrix
     return positions
 
 
-@kernel
+@helper
 def _end_of_group(
     positions: Matrix, limits: Vector, first: int, max_extent: float, box: Vector
 ) -> int:
@@ -132,7 +132,7 @@ def _end_of_group(
     return end
 
 
-@kernel
+@helper
 def _candidates(
     starts: Labels, order: Labels, sorted_targets: Matrix, corner: Vector, cell_size: float,
     columns: int, rows: int, max_variance: float, scale: float, box: Vector,

@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_helper
 from scanlock.kernels._inline import (
     NO_TERMS,
     add_to,
@@ -44,7 +44,7 @@ _ROW = _BLOCK + 8
 """Length of a row. If it were a power of two, all rows would share few lines of the cache."""
 
 
-@sum_kernel
+@sum_helper
 def _add_gaussians(
     positions: Matrix,
     sums: Matrix,
@@ -99,7 +99,7 @@ def _add_gaussians(
             sums[9, p] += slope * k22 + v2 * b2
 
 
-@sum_kernel
+@sum_helper
 def _add_block(positions: Matrix, sums: Matrix, count: int, exact: float, terms: Vector) -> None:
     """Add the 28 terms of the points of a block, given their sums f, g and H (10, n).
 
@@ -153,7 +153,7 @@ def bounding_balls(points: Points) -> Matrix:
     return balls
 
 
-@kernel
+@helper
 def _transform_block(
     points: Points, first: int, last: int, rotation: Matrix, translation: Vector, positions: Matrix
 ) -> None:
@@ -165,7 +165,7 @@ def _transform_block(
             positions[a, p - first] = ra0 * x + ra1 * y + ra2 * z + ta
 
 
-@kernel
+@helper
 def _ball_around(balls: Matrix, first: int, last: int) -> tuple[float, float, float, float]:
     """Return the centre and radius of a ball around balls."""
     x = y = z = radius = 0.0
@@ -179,7 +179,7 @@ def _ball_around(balls: Matrix, first: int, last: int) -> tuple[float, float, fl
     return x, y, z, radius
 
 
-@kernel
+@helper
 def _select(
     gaussians: Matrix,
     rows: Labels,

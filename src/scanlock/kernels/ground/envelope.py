@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 
-@kernel
+@helper
 def _is_supported(
     i: int,
     x: Vector,
@@ -48,7 +48,7 @@ def _is_supported(
     return False
 
 
-@kernel
+@helper
 def _propagate_apexes(
     lane: Labels,
     x: Vector,
@@ -85,7 +85,7 @@ def _propagate_apexes(
             a = apex[i]
 
 
-@kernel
+@helper
 def _sorted_by_bin(cells: Labels, bins: int) -> tuple[Labels, Labels]:
     """Return the rows of low points sorted by range bin, and the first row of each bin."""
     n = cells.shape[0]

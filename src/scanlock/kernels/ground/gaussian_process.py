@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_helper
 from scanlock.kernels._inline import exp_negative, first_not_below
 
 _Process = tuple[float, float, float, float, float]
@@ -13,7 +13,7 @@ _Process = tuple[float, float, float, float, float]
 of variance [m^2] and of residual [deviations] below which an observation is accepted."""
 
 
-@sum_kernel
+@sum_helper
 def _condition(
     r: Vector,
     k: int,
@@ -61,7 +61,7 @@ def _condition(
         variance[j] -= row[j] * row[j]
 
 
-@kernel
+@helper
 def _grow_sector(
     r: Vector,
     heights: Vector,
@@ -122,7 +122,7 @@ def _grow_sector(
         candidate += 1
 
 
-@kernel
+@helper
 def _share_heights(
     starts: Labels,
     ranges: Vector,

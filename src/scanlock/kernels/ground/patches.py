@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 from scanlock.kernels._inline import adjugate, product
 
 _Grid = tuple[int, int]
@@ -21,7 +21,7 @@ _Limit = tuple[float, float]
 patches [m/m]."""
 
 
-@kernel
+@helper
 def _fit_plane(
     members: Labels,
     x: Vector,
@@ -111,7 +111,7 @@ def _fit_plane(
     return count, predicted, math.sqrt(squares / count)
 
 
-@kernel
+@helper
 def _predict_plane(p: int, patches: Matrix, accepted: Mask, grid: _Grid, prior: Vector) -> bool:
     """Predict the plane of a patch from accepted patches around it; return whether there are any.
 
@@ -143,7 +143,7 @@ def _predict_plane(p: int, patches: Matrix, accepted: Mask, grid: _Grid, prior: 
     return True
 
 
-@kernel
+@helper
 def _set_limits(
     p: int,
     members: Labels,
@@ -172,7 +172,7 @@ def _set_limits(
         limits[i] = limit[0] + limit[1] * max(nearest, 0.0)
 
 
-@kernel
+@helper
 def _predict_lower_level(
     p: int,
     members: Labels,
@@ -206,7 +206,7 @@ def _predict_lower_level(
     return False
 
 
-@kernel
+@helper
 def _is_plane(count: int, predicted: int, members: int, occupied: int, roughness: float) -> bool:
     """Return whether `count` of the members of a patch make its plane; see `grow_patches`.
 
@@ -217,7 +217,7 @@ def _is_plane(count: int, predicted: int, members: int, occupied: int, roughness
     return 2 * predicted >= count or (count >= 6 and count >= 0.6 * occupied and roughness <= 0.7)
 
 
-@kernel
+@helper
 def _mark_neighbours(p: int, grid: _Grid, marks: Mask) -> None:
     """Mark the patches whose predictions depend on one; see `_predict_plane`."""
     sectors, rings = grid
@@ -228,7 +228,7 @@ def _mark_neighbours(p: int, grid: _Grid, marks: Mask) -> None:
             marks[sector * rings + ring] = True
 
 
-@kernel
+@helper
 def _empty_patches(x: Vector, y: Vector, members: Labels, first: Labels) -> Matrix:
     """Return patches at the centroids of their members, without planes."""
     patches = np.zeros((first.shape[0] - 1, 6), np.float64)

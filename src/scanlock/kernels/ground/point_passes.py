@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _BLOCK = 256
 """Points in a block, few enough for the block to stay in the cache."""
@@ -167,7 +167,7 @@ def sharp_prototypes(
     return sharp
 
 
-@kernel
+@helper
 def _classify_heights(
     height: Vector, limits: Vector, limit: float, is_ground: Mask, is_below: Mask
 ) -> tuple[int, int]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_helper
 
 _PLANE_TOLERANCE = 1e-9
 """Distance within which a point counts as on the splitting plane, in deviations of the part."""
@@ -15,7 +15,7 @@ _Flags = NDArray[np.uint8]
 """Whether each point is on the near side, as numbers, which vector units can write."""
 
 
-@sum_kernel
+@sum_helper
 def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
     """Write the mean (3) and the packed covariance (6) of points, in two passes for accuracy.
 
@@ -50,7 +50,7 @@ def _fill_moments(x: Vector, y: Vector, z: Vector, radius: float, moments: Vecto
     return beyond > 0.0
 
 
-@sum_kernel
+@sum_helper
 def _reaches_beyond(x: Vector, y: Vector, z: Vector, radius: float, moments: Vector) -> bool:
     """Return whether any point is farther than `radius` from the mean in `moments`."""
     mx, my, mz = moments[0], moments[1], moments[2]
@@ -63,7 +63,7 @@ def _reaches_beyond(x: Vector, y: Vector, z: Vector, radius: float, moments: Vec
     return beyond > 0.0
 
 
-@kernel
+@helper
 def _longest_axis(moments: Vector) -> tuple[float, float, float]:
     """Return the unit vector of the largest variance; zero if there is no variance."""
     xx, xy, xz = moments[3], moments[4], moments[5]
@@ -93,7 +93,7 @@ def _longest_axis(moments: Vector) -> tuple[float, float, float]:
     return a / norm, b / norm, c / norm
 
 
-@kernel
+@helper
 def _mark_near(x: Vector, y: Vector, z: Vector, moments: Vector, is_near: _Flags) -> None:
     """Mark the points on the near side of the plane through the mean across the longest axis."""
     a, b, c = _longest_axis(moments)
@@ -103,7 +103,7 @@ def _mark_near(x: Vector, y: Vector, z: Vector, moments: Vector, is_near: _Flags
         is_near[i] = np.uint8(a * (x[i] - mx) + b * (y[i] - my) + c * (z[i] - mz) < limit)
 
 
-@kernel
+@helper
 def _partition_points(
     x: Vector, y: Vector, z: Vector, is_near: _Flags, to_x: Vector, to_y: Vector, to_z: Vector
 ) -> int:
@@ -119,7 +119,7 @@ def _partition_points(
     return int(front)
 
 
-@kernel
+@helper
 def _partition_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
     """Copy the rows of points as `_partition_points` copies the points."""
     front, back = np.uint64(0), np.uint64(rows.shape[0] - 1)
@@ -131,7 +131,7 @@ def _partition_rows(rows: Vector, is_near: _Flags, to_rows: Vector) -> None:
         back -= np.uint64(1) - near
 
 
-@kernel
+@helper
 def _split(
     tables: NDArray[np.float64], source: int, begin: int, end: int, moments: Vector, is_near: _Flags
 ) -> int:
@@ -155,7 +155,7 @@ def _split(
     return begin + near
 
 
-@kernel
+@helper
 def _sorted_by_label(
     points: Points, labels: Labels, parts: int, keeps_rows: bool
 ) -> tuple[Labels, NDArray[np.float64]]:

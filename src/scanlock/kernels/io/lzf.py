@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 Bytes = NDArray[np.uint8]
 """(n,) raw bytes."""
@@ -56,7 +56,7 @@ def lzf_decode(packed: Bytes, size: int) -> tuple[Bytes, int]:
     return out, o
 
 
-@kernel
+@helper
 def _write_literals(raw: Bytes, start: int, stop: int, out: Bytes, o: int) -> int:
     while start < stop:
         length = min(_MAX_LITERAL, stop - start)
@@ -68,7 +68,7 @@ def _write_literals(raw: Bytes, start: int, stop: int, out: Bytes, o: int) -> in
     return o
 
 
-@kernel
+@helper
 def _match_length(raw: Bytes, earlier: int, i: int) -> int:
     limit = min(_MAX_MATCH, raw.shape[0] - i)
     length = 0

@@ -3,14 +3,14 @@
 import numpy as np
 
 from scanlock.arrays import Labels, Points
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 from scanlock.kernels._inline import find_voxel, voxel_slot
 
 _SAMPLE_BITS = 20
 """Bits of the hash by which voxels are sampled; the lowest ones are those of the hash table."""
 
 
-@kernel
+@helper
 def _sampled_voxels(points: Points, voxel_size: float, sampling: int) -> tuple[Labels, int]:
     """Return the indices of the points in sampled voxels, in the first of (n, 3) rows."""
     last = (1 << _SAMPLE_BITS) - 1

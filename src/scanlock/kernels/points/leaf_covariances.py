@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_helper
 
 _MAX_LEVELS = 64
 """Largest number of splits above a leaf, and so of nodes on the stack; 2^64 points have more."""
@@ -26,7 +26,7 @@ _MAX_TRIALS = 24
 """Distances that are tried; more are needed only for neighbours at equal distances."""
 
 
-@kernel
+@helper
 def _range_of(node: int, count: int) -> tuple[int, int]:
     """Return the first row of a node of a tree of `count` points, and the row after the last."""
     path, levels = node + 1, 0
@@ -42,7 +42,7 @@ def _range_of(node: int, count: int) -> tuple[int, int]:
     return low, high
 
 
-@kernel
+@helper
 def _box_of(points: Points, low: int, high: int, box: Matrix) -> float:
     """Write the smallest and largest coordinates (2, 3) of some rows; return the diagonal."""
     box[0], box[1] = np.inf, -np.inf
@@ -54,7 +54,7 @@ def _box_of(points: Points, low: int, high: int, box: Matrix) -> float:
     return math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
 
 
-@kernel
+@helper
 def _gather(
     points: Points, axes: Labels, splits: Vector, box: Matrix, radius: float, nodes: Labels,
     around: Matrix,
@@ -91,7 +91,7 @@ def _gather(
     return found
 
 
-@sum_kernel
+@sum_helper
 def _count_within(squares: Vector, limit: float) -> float:
     """Return the number of squared distances up to a limit."""
     found = 0.0
@@ -100,7 +100,7 @@ def _count_within(squares: Vector, limit: float) -> float:
     return found
 
 
-@kernel
+@helper
 def _limit_for(squares: Vector, count: int, max_square: float, guess: float) -> float:
     """Return a limit that exactly `count` squared distances are within, or -1 if none is found.
 
@@ -127,7 +127,7 @@ def _limit_for(squares: Vector, count: int, max_square: float, guess: float) -> 
     return -1.0
 
 
-@sum_kernel
+@sum_helper
 def _covariance_within(
     x: Vector, y: Vector, z: Vector, squares: Vector, limit: float,
     x0: float, x1: float, x2: float, count: int, covariance: Vector,
@@ -153,7 +153,7 @@ def _covariance_within(
     covariance[4], covariance[5] = scale * yz - sy * sz, scale * zz - sz * sz
 
 
-@kernel
+@helper
 def _fill_leaf(
     points: Points, begin: int, end: int, x: Vector, y: Vector, z: Vector, squares: Vector,
     count: int, max_square: float, covariances: Matrix, is_known: Mask,

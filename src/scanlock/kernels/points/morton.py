@@ -3,13 +3,13 @@
 import numpy as np
 
 from scanlock.arrays import Labels, Points
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _CELLS = 1023.0
 """Cells along a side of the bounding cube, for ten bits per axis."""
 
 
-@kernel
+@helper
 def _interleaved(bits: int) -> int:
     """Return ten bits with two zero bits after each."""
     bits = (bits | (bits << 16)) & 0x30000FF

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 from scanlock.kernels._inline import voxel_slot
 
 _BLOCK = 256
@@ -61,7 +61,7 @@ def sorted_by_voxel(points: Points, voxel_size: float) -> tuple[Points, NDArray[
     return ordered, starts
 
 
-@kernel
+@helper
 def _slots_of_ball(
     x: float, y: float, z: float, radius: float, per_metre: float,
     starts: NDArray[np.int32], slots: Labels,

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _MAX_LEVELS = 64
 """Largest number of splits above a leaf, and so of sides on the stack; 2^64 points have more."""
@@ -25,7 +25,7 @@ _STEPS_AHEAD = 3.0
 queries: a bound on the sum of further steps, if they shrink."""
 
 
-@kernel
+@helper
 def _select_median(points: Points, order: Labels, low: int, high: int, axis: int) -> None:
     """Partition rows `low` to `high` about their median along an axis (Hoare's quickselect)."""
     middle = (low + high) // 2
@@ -95,7 +95,7 @@ def build_kd_tree(points: Points, max_leaf_size: int) -> tuple[Labels, Labels, V
     return order, axes, coordinates
 
 
-@kernel
+@helper
 def _descend(
     x0: float,
     x1: float,
@@ -144,7 +144,7 @@ def _descend(
     return top
 
 
-@kernel
+@helper
 def _nearest(
     points: Points, axes: Labels, coordinates: Vector, x0: float, x1: float, x2: float,
     row: int, best: float, nodes: Labels, offsets: Matrix,
@@ -222,7 +222,7 @@ def k_nearest_neighbours(
     return rows
 
 
-@kernel
+@helper
 def _mean_distance(queries: Points, anchors: Points) -> float:
     """Return the mean distance [m] between equal rows; 0 if there are none."""
     total = 0.0
@@ -233,7 +233,7 @@ def _mean_distance(queries: Points, anchors: Points) -> float:
     return total / max(1, queries.shape[0])
 
 
-@kernel
+@helper
 def _distance(points: Points, row: int, x0: float, x1: float, x2: float) -> float:
     """Return the distance [m] of a query from a point; infinite for row -1."""
     if row < 0:
@@ -242,14 +242,14 @@ def _distance(points: Points, row: int, x0: float, x1: float, x2: float) -> floa
     return math.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
 
 
-@kernel
+@helper
 def _extended(squared: float, slack: float, max_squared: float) -> float:
     """Return the square of a distance plus a slack, at most `max_squared`."""
     distance = math.sqrt(squared) + slack
     return min(max_squared, distance * distance)
 
 
-@kernel
+@helper
 def _nearest_and_bound(
     points: Points, axes: Labels, coordinates: Vector, x0: float, x1: float, x2: float,
     row: int, distance: float, slack: float, nodes: Labels, offsets: Matrix,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _BLOCK = 256
 """Points in a block, few enough for the block to stay in the cache."""
@@ -29,7 +29,7 @@ def quarter_turns(x: float, y: float) -> float:
     return turns if turns >= 0.0 else turns + 4.0
 
 
-@kernel
+@helper
 def _sector_table(sectors: int) -> tuple[Vector, _Rows]:
     """Return the quarter turns at which sectors begin, and the sector in which each step begins.
 
@@ -49,7 +49,7 @@ def _sector_table(sectors: int) -> tuple[Vector, _Rows]:
     return borders, first
 
 
-@kernel
+@helper
 def _bin_table(edges: Vector, step: float) -> tuple[Vector, _Rows]:
     """Return the ranges at which bins end, and the bin in which each step of the range begins."""
     bins = edges.shape[0] - 1
@@ -65,7 +65,7 @@ def _bin_table(edges: Vector, step: float) -> tuple[Vector, _Rows]:
     return ends, first
 
 
-@kernel
+@helper
 def _polar_coordinates(
     x: Vector,
     y: Vector,

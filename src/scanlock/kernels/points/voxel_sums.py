@@ -7,7 +7,7 @@ once, and sort as the indices do.
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _HALF = 1 << 20
 """Bound of the magnitude of an index."""
@@ -34,13 +34,13 @@ _HASH_SHIFT = np.uint64(36)
 """Drops the lower bits of a product, which are hashed less well; 28 remain for the slot."""
 
 
-@kernel
+@helper
 def _index(key: int, axis: int) -> int:
     """Return one of the three indices of a key."""
     return ((key >> (_BITS * (2 - axis))) & _LOW_BITS) - _HALF
 
 
-@kernel
+@helper
 def _find(table: Labels, key: int) -> int:
     """Return the slot of a key: the one that holds it, or the empty one that it belongs in."""
     last = table.shape[0] - 1
@@ -50,7 +50,7 @@ def _find(table: Labels, key: int) -> int:
     return slot
 
 
-@kernel
+@helper
 def _table_of(keys: Labels, count: int) -> tuple[Labels, Labels]:
     """Return a hash table of `count` keys, as keys and rows, with room for the whole array."""
     table = np.full(4 * keys.shape[0], -1, np.int64)
@@ -62,7 +62,7 @@ def _table_of(keys: Labels, count: int) -> tuple[Labels, Labels]:
     return table, rows
 
 
-@kernel
+@helper
 def _fill_block(
     points: Points, start: int, corner: Vector, voxel_size: float, offsets: Matrix, keys: Labels
 ) -> int:
@@ -89,7 +89,7 @@ def _fill_block(
     return is_far
 
 
-@kernel
+@helper
 def _find_runs(keys: Labels, count: int, starts: Labels) -> int:
     """Write where runs of equal keys begin, and where the last ends; return their number.
 
@@ -103,7 +103,7 @@ def _find_runs(keys: Labels, count: int, starts: Labels) -> int:
     return int(runs)
 
 
-@kernel
+@helper
 def _add_points(
     points: Points, begin: int, corner: Vector, voxel_size: float,
     keys: Labels, sums: Matrix, table: Labels, rows: Labels, count: int,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 from scanlock.kernels._inline import find_voxel
 
 _BLOCK = 256
@@ -16,7 +16,7 @@ _MAX_KEY = 2.0**62
 """Boxes of fewer voxels than this can be numbered, which sorts faster than three columns."""
 
 
-@kernel
+@helper
 def _larger_table(voxels: Labels, count: int) -> Labels:
     """Return the hash table of `count` voxels with room for as many again."""
     table = np.full(8 * count, -1, np.int64)
@@ -26,7 +26,7 @@ def _larger_table(voxels: Labels, count: int) -> Labels:
     return table
 
 
-@kernel
+@helper
 def _indices_of_block(
     points: Points, start: int, corner: Vector, voxel_size: float, scratch: Matrix, indices: Labels
 ) -> None:
@@ -41,7 +41,7 @@ def _indices_of_block(
             indices[axis, p] = np.int64(np.floor((scratch[axis, p] - corner[axis]) / voxel_size))
 
 
-@kernel
+@helper
 def _label_points(
     points: Points, begin: int, corner: Vector, voxel_size: float, labels: Labels,
     voxels: Labels, table: Labels, count: int,

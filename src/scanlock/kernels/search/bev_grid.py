@@ -5,13 +5,13 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _BLOCK = 256
 """Number of points processed together, in loops that use vector units."""
 
 
-@kernel
+@helper
 def _locate_block(
     coordinates: Vector,
     level_from_scan: Matrix,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 Words = NDArray[np.uint64]
 
@@ -79,7 +79,7 @@ def greedy_cliques(graph: Words, edges: Labels, max_cliques: int, max_size: int)
     return cliques[:n]
 
 
-@kernel
+@helper
 def _best_candidate(graph: Words, left: Words) -> int | np.int64:
     """Return the row among the bits of `left` with the most neighbours there; -1 if none is."""
     best, best_count = -1, -1
@@ -97,7 +97,7 @@ def _best_candidate(graph: Words, left: Words) -> int | np.int64:
     return best
 
 
-@kernel
+@helper
 def _count_ones(word: np.uint64) -> np.int64:
     """Return the number of bits of a word that are 1."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)

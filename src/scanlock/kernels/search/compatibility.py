@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 Words = NDArray[np.uint64]
 
@@ -152,7 +152,7 @@ def soft_overlap(target: Points, source: Points, affinities: Matrix, deviation: 
     return total
 
 
-@kernel
+@helper
 def _fill_columns(coordinates: Matrix, target: Points, source: Points, count: int) -> None:
     """Write the first columns of both as rows.
 
@@ -166,7 +166,7 @@ def _fill_columns(coordinates: Matrix, target: Points, source: Points, count: in
             )
 
 
-@kernel
+@helper
 def _tolerance_bounds(
     target_covariances: Matrix, source_covariances: Matrix, base: float
 ) -> Vector:
@@ -183,7 +183,7 @@ def _tolerance_bounds(
     return bounds
 
 
-@kernel
+@helper
 def _similar_distances(
     coordinates: Matrix, bounds: Vector, max_threshold: float, a: int, excess: Vector, rows: Labels
 ) -> int:
@@ -213,7 +213,7 @@ def _similar_distances(
     return count
 
 
-@kernel
+@helper
 def _level_misfit(
     target: Points,
     source: Points,
@@ -260,7 +260,7 @@ def _level_misfit(
     return misfit
 
 
-@kernel
+@helper
 def _free_misfit(
     target: Points,
     source: Points,
@@ -299,7 +299,7 @@ def _free_misfit(
     return misfit + 0.5 * (t_axes - s_axes) ** 2 / (angle * angle)
 
 
-@kernel
+@helper
 def _variance(c: Matrix, a: int, b: int, x: float, y: float, z: float) -> float:
     """Return the sum of the variances of two centres along a unit vector; `c` (m, 6) is packed."""
     mixed = (c[a, 1] + c[b, 1]) * x * y
@@ -308,18 +308,18 @@ def _variance(c: Matrix, a: int, b: int, x: float, y: float, z: float) -> float:
     return total + (c[a, 5] + c[b, 5]) * z * z + 2.0 * mixed
 
 
-@kernel
+@helper
 def _trace(c: Matrix, a: int, b: int) -> float:
     return c[a, 0] + c[b, 0] + c[a, 3] + c[b, 3] + c[a, 5] + c[b, 5]
 
 
-@kernel
+@helper
 def _axis_cosine(axes: Points, row: int, x: float, y: float, z: float) -> float:
     """Return the absolute cosine of the angle between an axis and a line."""
     return abs(axes[row, 0] * x + axes[row, 1] * y + axes[row, 2] * z)
 
 
-@kernel
+@helper
 def _connect(graph: Words, thresholds: Vector, misfit: float, a: int, b: int) -> None:
     for g in range(thresholds.shape[0] - 1, -1, -1):
         if misfit > thresholds[g]:

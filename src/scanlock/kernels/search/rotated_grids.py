@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 
-@kernel
+@helper
 def _rotated_cells(points: Matrix, c: float, s: float, side: int, cells: NDArray[np.int32]) -> None:
     """Write the cell of each rotated and scaled point (n, 2); points outside get ``side**2``.
 

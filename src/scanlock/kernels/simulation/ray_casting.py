@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 BOX, CONE, ELLIPSOID, DISC, TRIANGLE = range(5)
 NOTHING = -1
@@ -115,7 +115,7 @@ def cast_at_movers(
     return distances, cosines, rows
 
 
-@kernel
+@helper
 def _traverse(
     x: float,
     y: float,
@@ -168,13 +168,13 @@ def _traverse(
         node = stack[depth]
 
 
-@kernel
+@helper
 def _inverse(component: float) -> float:
     # With an infinite inverse, 0 * inf would be NaN on the face of a box.
     return 1.0 / component if abs(component) > _FLAT else 1.0 / _FLAT
 
 
-@kernel
+@helper
 def _entry(
     x: float,
     y: float,
@@ -197,7 +197,7 @@ def _entry(
     return enter if enter <= min(leave, best) else np.inf
 
 
-@kernel
+@helper
 def _surface(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, kind: int, s: Vector
 ) -> float:
@@ -236,7 +236,7 @@ def _surface(
     return near if near > 0.0 else far if far > 0.0 else np.inf
 
 
-@kernel
+@helper
 def _roots(a: float, b: float, c: float) -> tuple[float, float]:
     """Return the roots of ``a t^2 + 2 b t + c`` in ascending order, infinities without any."""
     square = b * b - a * c
@@ -249,7 +249,7 @@ def _roots(a: float, b: float, c: float) -> tuple[float, float]:
     return min(s, t), max(s, t)
 
 
-@kernel
+@helper
 def _box(
     x: float,
     y: float,
@@ -273,7 +273,7 @@ def _box(
     return enter if enter > 0.0 else leave
 
 
-@kernel
+@helper
 def _cone(
     x: float,
     y: float,
@@ -308,7 +308,7 @@ def _cone(
     return best
 
 
-@kernel
+@helper
 def _cosine(
     x: float,
     y: float,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 TILE = 8
 """Cells along the side of a tile. A ray crosses a tile in one step where it is above it."""
@@ -51,7 +51,7 @@ def cast_at_ground(
     return distances, cosines
 
 
-@kernel
+@helper
 def _between(
     start: float, rate: float, low: float, high: float, enter: float, leave: float
 ) -> tuple[float, float]:
@@ -62,7 +62,7 @@ def _between(
     return max(enter, min(a, b)), min(leave, max(a, b))
 
 
-@kernel
+@helper
 def _cross_tiles(
     u: float,
     v: float,
@@ -97,14 +97,14 @@ def _cross_tiles(
             return np.inf
 
 
-@kernel
+@helper
 def _exit(start: float, rate: float, low: float, high: float) -> float:
     if rate == 0.0:
         return np.inf
     return ((high if rate > 0.0 else low) - start) / rate
 
 
-@kernel
+@helper
 def _cross_cells(
     u: float,
     v: float,
@@ -144,7 +144,7 @@ def _cross_cells(
             return np.inf
 
 
-@kernel
+@helper
 def _cross_patch(
     u: float,
     v: float,
@@ -176,7 +176,7 @@ def _cross_patch(
     return best
 
 
-@kernel
+@helper
 def _cosine(
     u: float, v: float, dx: float, dy: float, dz: float, heights: Matrix, cell: float
 ) -> float:

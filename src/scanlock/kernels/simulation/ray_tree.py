@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Labels, Matrix, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 
 _BINS = 16
 _LEAF = 4
@@ -64,7 +64,7 @@ def box_tree(bounds: Matrix) -> tuple[Labels, Matrix, Labels, Labels]:
     return order, node_bounds[:nodes].copy(), link[:nodes].copy(), count[:nodes].copy()
 
 
-@kernel
+@helper
 def _enclose(
     bounds: Matrix, order: Labels, begin: int, end: int, box: Vector, centres: Vector
 ) -> None:
@@ -84,7 +84,7 @@ def _enclose(
             centres[a + 3] = max(centres[a + 3], low + high)
 
 
-@kernel
+@helper
 def _best_split(
     bounds: Matrix, order: Labels, begin: int, end: int, centres: Vector
 ) -> tuple[int, float]:
@@ -118,7 +118,7 @@ def _best_split(
     return best_axis, best_middle
 
 
-@kernel
+@helper
 def _sweep(
     boxes: Matrix, counts: NDArray[np.int64], costs: Vector, first: int, direction: int
 ) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector
-from scanlock.kernels._compile import kernel, sum_kernel
+from scanlock.kernels._compile import helper, kernel, sum_helper
 from scanlock.kernels._inline import (
     adjugate,
     exp_negative,
@@ -24,7 +24,7 @@ _ROW = _BLOCK + 8
 """Length of a row. If it were a power of two, all rows would share few lines of the cache."""
 
 
-@sum_kernel
+@sum_helper
 def _score_block(
     block: Matrix, count: int, window_start: float, window_end: float, squared: Vector
 ) -> float:
@@ -43,7 +43,7 @@ def _score_block(
     return score
 
 
-@kernel
+@helper
 def _mark_corresponding(
     rows: Labels,
     squared: Vector,

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scanlock.arrays import Matrix, Points, Vector
-from scanlock.kernels._compile import kernel
+from scanlock.kernels._compile import helper, kernel
 from scanlock.kernels._inline import nine, transformed, triple
 
 _BLOCK = 256
 """Points whose bins are computed together, in loops that use vector units."""
 
 
-@kernel
+@helper
 def _bin_of(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
     """Return the face, row and column of the bin of a direction other than zero."""
     a, b, c = abs(x), abs(y), abs(z)
@@ -33,7 +33,7 @@ def _bin_of(x: float, y: float, z: float, side: int) -> tuple[int, int, int]:
     return face, row, column
 
 
-@kernel
+@helper
 def _bin_block(
     points: Points, start: int, side: int, scratch: Vector, bins: NDArray[np.int32], squares: Vector
 ) -> None:

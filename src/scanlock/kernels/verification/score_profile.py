@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.kernels._compile import inlined, kernel
+from scanlock.kernels._compile import helper, inlined, kernel
 from scanlock.kernels._inline import (
     Symmetric,
     Triple,
@@ -31,7 +31,7 @@ def _parabola(q: Triple, d: Triple, covariance: Symmetric) -> Triple:
     return dot(d, u), dot(q, u), scale * quadratic_form(adjugate_matrix, q)
 
 
-@kernel
+@helper
 def _add_profile(
     a: float, b: float, c: float, weight: float,
     step: float, max_steps: int, window_start: float, window_end: float, scores: Vector,
