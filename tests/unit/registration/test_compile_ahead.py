@@ -1,3 +1,4 @@
+import gc
 import multiprocessing
 import signal
 import threading
@@ -16,8 +17,9 @@ from scanlock.registration.compile_ahead import (
 
 
 class FakeKernel:
-    def __init__(self, log, name):
+    def __init__(self, log, name, module=None):
         self._log, self._name = log, name
+        self.module = name if module is None else module
 
     def compile(self):
         self._log.append(self._name)
@@ -50,6 +52,15 @@ def test_each_kernel_is_compiled_by_one_process_and_reported():
     assert sorted(log) == list(range(50))
     assert len(reports) == 50
     assert max(reports) == (50, 50)
+
+
+def test_kernels_of_a_module_are_compiled_together_and_without_garbage_collection():
+    log = []
+    kernels = [FakeKernel(log, k, module=k % 3) for k in range(7)]
+    kernels[4].compile = lambda: log.append(gc.isenabled())
+    compile_next(kernels, Counts())
+    assert log == [0, 3, 6, 1, False, 2, 5]
+    assert gc.isenabled()
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="needs a compiler")
