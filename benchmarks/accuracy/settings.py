@@ -22,16 +22,16 @@ from scanlock.optimisation.solvers.line_search import Armijo, StrongWolfe
 from scanlock.optimisation.solvers.line_search_newton import LineSearchNewton
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine
-from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
-from scanlock.registration.methods.distance_rejection import FixedRejection, TrimmedRejection
 from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.correspondences import NearestNeighbourSearch, VoxelSearch
+from scanlock.registration.methods.icp.distance_rejection import FixedRejection, TrimmedRejection
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import Method
 from scanlock.registration.methods.sgc_ndt import SgcNdt
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 

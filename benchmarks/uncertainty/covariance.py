@@ -34,9 +34,9 @@ from benchmarks._common.results import Results
 from benchmarks._common.scan_halves import halves, scans
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import log_rotation
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.prepare import PreparedScan, prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS

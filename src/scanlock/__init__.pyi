@@ -37,22 +37,24 @@ from scanlock.registration.methods.ndt import Ndt as Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d as NdtD2d
 from scanlock.registration.methods.mskm_ndt import MskmNdt as MskmNdt
 from scanlock.registration.methods.gicp import Gicp as Gicp
-from scanlock.registration.methods.icp import Icp as Icp
+from scanlock.registration.methods.icp.icp import Icp as Icp
 
 # Parts of methods
-from scanlock.registration.methods.correspondences import (
+from scanlock.registration.methods.icp.correspondences import (
     NearestNeighbourSearch as NearestNeighbourSearch,
 )
-from scanlock.registration.methods.correspondences import VoxelSearch as VoxelSearch
-from scanlock.registration.methods.distance_rejection import FixedRejection as FixedRejection
-from scanlock.registration.methods.distance_rejection import TrimmedRejection as TrimmedRejection
-from scanlock.registration.methods.distance_rejection import AdaptiveRejection as AdaptiveRejection
+from scanlock.registration.methods.icp.correspondences import VoxelSearch as VoxelSearch
+from scanlock.registration.methods.icp.distance_rejection import (
+    FixedRejection as FixedRejection,
+    TrimmedRejection as TrimmedRejection,
+    AdaptiveRejection as AdaptiveRejection,
+)
 from scanlock.optimisation.objectives.robust_weights import RobustWeights as RobustWeights
-from scanlock.registration.methods.transform_estimation import (
+from scanlock.registration.methods.icp.transform_estimation import (
     TransformEstimation as TransformEstimation,
 )
-from scanlock.registration.methods.icp_annealing import AnnealedStart as AnnealedStart
-from scanlock.registration.methods.icp_history import (
+from scanlock.registration.methods.icp.annealing import AnnealedStart as AnnealedStart
+from scanlock.registration.methods.icp.history import (
     IcpConvergenceCriteria as IcpConvergenceCriteria,
 )
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine as CoarseToFine

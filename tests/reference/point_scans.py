@@ -6,7 +6,7 @@ import numpy as np
 
 from reference import point_tree
 from scanlock.arrays import read_only
-from scanlock.registration.methods.correspondences import PointScan
+from scanlock.registration.methods.icp.correspondences import PointScan
 
 
 @dataclass(frozen=True)

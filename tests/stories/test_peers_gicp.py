@@ -9,8 +9,8 @@ from reference.real_pairs import PAIRS, STEP_AWAY, real_pair
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import unpacked
-from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp.correspondences import NearestNeighbourSearch, VoxelSearch
 
 small_gicp = pytest.importorskip("small_gicp")
 pytestmark = [pytest.mark.slow, pytest.mark.data]

@@ -10,10 +10,10 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.point_pairs import PointPairs
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
-from scanlock.registration.methods.distance_rejection import FixedRejection
-from scanlock.registration.methods.icp import Icp
-from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
-from scanlock.registration.methods.transform_estimation import TransformEstimation
+from scanlock.registration.methods.icp.distance_rejection import FixedRejection
+from scanlock.registration.methods.icp.history import IcpConvergenceCriteria
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 
 pytestmark = [pytest.mark.slow, pytest.mark.data]
 

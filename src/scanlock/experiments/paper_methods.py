@@ -6,10 +6,10 @@ from scanlock.experiments.experiment import Contender
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine
-from scanlock.registration.methods.correspondences import NearestNeighbourSearch
-from scanlock.registration.methods.distance_rejection import FixedRejection
 from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.icp import Icp, IcpConvergenceCriteria
+from scanlock.registration.methods.icp.correspondences import NearestNeighbourSearch
+from scanlock.registration.methods.icp.distance_rejection import FixedRejection
+from scanlock.registration.methods.icp.icp import Icp, IcpConvergenceCriteria
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 

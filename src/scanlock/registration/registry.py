@@ -7,10 +7,10 @@ from typing import Any
 
 from scanlock.errors import InvalidInput
 from scanlock.registration.methods.auto import Auto
-from scanlock.registration.methods.correspondences import VoxelSearch
 from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.icp import Icp
-from scanlock.registration.methods.icp_annealing import AnnealedStart
+from scanlock.registration.methods.icp.annealing import AnnealedStart
+from scanlock.registration.methods.icp.correspondences import VoxelSearch
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d

@@ -15,11 +15,11 @@ from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.sensor_noise import SensorNoise
 from scanlock.optimisation.objectives.cell_scores import CellAssociation
 from scanlock.registration.compile_ahead import compile_in_parallel, missing_kernels
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d
 from scanlock.registration.methods.protocol import Method
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.search.cluster_matching import ClusterMatcher

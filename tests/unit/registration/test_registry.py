@@ -6,7 +6,7 @@ import pytest
 from reference.samples import street
 from scanlock import InvalidInput, Method, Pose, register, register_method
 from scanlock.registration import registry
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.registry import METHODS, named_method
 
 

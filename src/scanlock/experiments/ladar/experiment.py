@@ -25,7 +25,7 @@ from scanlock.experiments.ladar.tables import drive_table, paper_table, solved_t
 from scanlock.experiments.pairwise import SOLVED, TRUTH, error_table, pair_table
 from scanlock.geometry.pose import Pose
 from scanlock.models.sensor_noise import SensorNoise
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.registry import METHODS
 from scanlock.simulation import FacetLadar
 

@@ -1,7 +1,7 @@
 """Objectives of registration, with exact derivatives in the pose.
 
 An objective has fixed correspondences or fixed models. Searches for correspondences are in
-`scanlock.registration.methods.correspondences`, and the loops over points in `scanlock.kernels`.
+`scanlock.registration.methods.icp.correspondences`, loops over points in `scanlock.kernels`.
 """
 
 from scanlock._lazy import attach

@@ -7,6 +7,7 @@ The default method
     - `auto_data`: data of a prepared scan and of a pair.
     - `multi_start`: `MultiStart`, D2D refinement of many hypotheses.
     - `fine_ndt`: `FineNdt`, D2D over small cells of whole scans.
+    - `sparse_refinement`: `SparseRefinement`, planes around the points of sparse clouds.
 NDT over clusters
     - `sgc_ndt`: `SgcNdt` (Das, Servos and Waslander 2013) and its D2D variant.
     - `coarse_to_fine`: `CoarseToFine`, the schedule of smoothing.
@@ -17,13 +18,7 @@ NDT over cells
     - `voxel_scan`: preparation of a scan as voxel Gaussians.
     - `gaussian_scan`: Gaussians of a scan at several scales, and the scales dense enough to use.
 ICP
-    - `icp`: `Icp` (Madhavan and Messina 2003).
-    - `icp_annealing`: `AnnealedStart`, simulated annealing before ICP.
-    - `icp_history`: convergence and cycles of ICP.
-    - `correspondences`: closest points and their weights; step 1 of the paper.
-    - `distance_rejection`: distance thresholds (Zhang 1994, Chetverikov et al. 2002, Madhavan and
-      Messina 2003).
-    - `transform_estimation`: the pose of given correspondences; steps 2 and 3 of the paper.
+    `icp`: `Icp` (Madhavan and Messina 2003), its correspondences, thresholds and estimation.
 Generalised ICP
     `gicp`: `Gicp` (Segal, Haehnel and Thrun 2009); by voxels (Koide et al. 2021).
 

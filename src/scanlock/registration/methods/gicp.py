@@ -23,7 +23,7 @@ from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
 from scanlock.optimisation.solvers.staged import stage_tolerances
-from scanlock.registration.methods.correspondences import (
+from scanlock.registration.methods.icp.correspondences import (
     MIN_CORRESPONDENCES,
     Correspondences,
     CorrespondenceSearch,
@@ -35,7 +35,7 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
-from scanlock.registration.methods.distance_rejection import Rejection
+from scanlock.registration.methods.icp.distance_rejection import Rejection
 from scanlock.registration.methods.protocol import Method, PreparationLog
 
 _MAX_SQUARED_DISTANCE = 9.0

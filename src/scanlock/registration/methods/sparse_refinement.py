@@ -24,7 +24,7 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
 from scanlock.optimisation.solvers.solver import Solver
-from scanlock.registration.methods.correspondences import MIN_CORRESPONDENCES
+from scanlock.registration.methods.icp.correspondences import MIN_CORRESPONDENCES
 
 _DEVIATION_OVER_MEDIAN = 1.4826
 """Standard deviation of a Gaussian over the median of its absolute value."""

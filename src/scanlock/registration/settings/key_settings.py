@@ -6,7 +6,7 @@ from typing import Any
 
 from scanlock.registration.methods.auto import Auto
 from scanlock.registration.methods.gicp import Gicp
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.methods.mskm_ndt import MskmNdt
 from scanlock.registration.methods.ndt import Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d

@@ -26,7 +26,7 @@ from scanlock.experiments.reproduce import reproduce
 from scanlock.geometry.pose import Pose
 from scanlock.pipelines.study import StudyPair, StudyTask
 from scanlock.pipelines.study_records import TIMES
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.simulation import FacetLadar
 
 pytestmark = pytest.mark.slow

@@ -15,17 +15,17 @@ from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.bfgs import Bfgs
 from scanlock.optimisation.solvers.criteria import ConvergenceCriteria, StopReason
 from scanlock.optimisation.solvers.newton import Newton
-from scanlock.registration.methods.correspondences import (
+from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp.correspondences import (
     NearestNeighbourSearch,
     VoxelSearch,
     typical_spacing,
 )
-from scanlock.registration.methods.distance_rejection import (
+from scanlock.registration.methods.icp.distance_rejection import (
     AdaptiveRejection,
     FixedRejection,
     TrimmedRejection,
 )
-from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
 from scanlock.registration.register import register
 

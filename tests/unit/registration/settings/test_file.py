@@ -11,9 +11,9 @@ from scanlock.optimisation.solvers.levenberg_marquardt import LevenbergMarquardt
 from scanlock.optimisation.solvers.more_thuente import MoreThuente
 from scanlock.optimisation.solvers.newton import Newton
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES, CoarseToFine, Scale
-from scanlock.registration.methods.correspondences import NearestNeighbourSearch, VoxelSearch
-from scanlock.registration.methods.distance_rejection import TrimmedRejection
 from scanlock.registration.methods.gicp import Gicp
+from scanlock.registration.methods.icp.correspondences import NearestNeighbourSearch, VoxelSearch
+from scanlock.registration.methods.icp.distance_rejection import TrimmedRejection
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.file import (

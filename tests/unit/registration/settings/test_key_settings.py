@@ -1,7 +1,7 @@
 import pytest
 
 from scanlock import METHODS, Gicp, Icp, NdtD2d
-from scanlock.registration.methods.correspondences import VoxelSearch
+from scanlock.registration.methods.icp.correspondences import VoxelSearch
 from scanlock.registration.settings.file import settings_from_toml
 from scanlock.registration.settings.key_settings import (
     KEY_SETTINGS,

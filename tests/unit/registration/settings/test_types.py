@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 import numpy as np
 import pytest
 
-from scanlock.registration.methods import distance_rejection
+from scanlock.registration.methods.icp import distance_rejection
 from scanlock.registration.registry import METHODS
 from scanlock.registration.settings.types import allowed, annotations_of, default_of, docstrings_of
 from scanlock.segmentation import clusters

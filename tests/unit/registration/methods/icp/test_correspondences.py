@@ -15,7 +15,7 @@ from scanlock.geometry.rotations import exp_rotation
 from scanlock.models.gaussians import unpacked
 from scanlock.models.surface_points import SurfacePoints
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
-from scanlock.registration.methods.correspondences import (
+from scanlock.registration.methods.icp.correspondences import (
     NearestNeighbourSearch,
     VoxelSearch,
     cached_stages,
@@ -23,10 +23,10 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
-from scanlock.registration.methods.distance_rejection import FixedRejection, TrimmedRejection
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.distance_rejection import FixedRejection, TrimmedRejection
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.protocol import InsufficientData
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _POSE = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.4, 0.9]))
 _PLANES = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")

@@ -8,8 +8,8 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Iteration
-from scanlock.registration.methods.correspondences import Correspondences
-from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
+from scanlock.registration.methods.icp.correspondences import Correspondences
+from scanlock.registration.methods.icp.history import IcpConvergenceCriteria, IcpHistory
 
 _UNREACHABLE = IcpConvergenceCriteria(step_tolerance=1e-300)
 

@@ -20,7 +20,8 @@ from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Quadratic
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.registration.methods.correspondences import (
+from scanlock.registration.methods.icp.annealing import AnnealedStart
+from scanlock.registration.methods.icp.correspondences import (
     MIN_CORRESPONDENCES,
     Correspondences,
     PointScan,
@@ -29,11 +30,10 @@ from scanlock.registration.methods.correspondences import (
     require_points,
     typical_spacing,
 )
-from scanlock.registration.methods.distance_rejection import AdaptiveRejection, Rejection
-from scanlock.registration.methods.icp_annealing import AnnealedStart
-from scanlock.registration.methods.icp_history import IcpConvergenceCriteria, IcpHistory
+from scanlock.registration.methods.icp.distance_rejection import AdaptiveRejection, Rejection
+from scanlock.registration.methods.icp.history import IcpConvergenceCriteria, IcpHistory
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.protocol import Method, PreparationLog
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _EMPTY = Quadratic(0.0, np.zeros(6), np.zeros((6, 6)))
 

@@ -20,7 +20,7 @@ from scanlock.optimisation.solvers.annealing import Annealing
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.notes import LengthNote
 from scanlock.optimisation.solvers.solution import Solution
-from scanlock.registration.methods.correspondences import PointScan
+from scanlock.registration.methods.icp.correspondences import PointScan
 from scanlock.segmentation.segmentation import Segmenter, is_obstacle
 
 _GROUND_VOXEL_SIZE = 1.0

@@ -12,8 +12,8 @@ from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED
 from scanlock.optimisation.solvers.annealing import Annealing
-from scanlock.registration.methods.icp import Icp
-from scanlock.registration.methods.icp_annealing import AnnealedStart
+from scanlock.registration.methods.icp.annealing import AnnealedStart
+from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.register import register
 
 _PLAIN = Icp()

@@ -20,7 +20,7 @@ from scanlock.optimisation.objectives.point_pairs import (
 )
 from scanlock.optimisation.solvers.gauss_newton import gauss_newton_step
 from scanlock.optimisation.solvers.problem import Quadratic
-from scanlock.registration.methods.correspondences import Correspondences, PointScan, Residual
+from scanlock.registration.methods.icp.correspondences import Correspondences, PointScan, Residual
 
 Algorithm = Literal["svd", "quaternion", "gauss-newton"]
 """Algorithm that minimises the residuals of fixed correspondences.

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.registration.methods.distance_rejection import (
+from scanlock.registration.methods.icp.distance_rejection import (
     AdaptiveRejection,
     FixedRejection,
     TrimmedRejection,

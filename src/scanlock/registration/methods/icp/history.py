@@ -9,7 +9,7 @@ from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.notes import LengthNote, Note
 from scanlock.optimisation.solvers.problem import Objective, Quadratic
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.registration.methods.correspondences import Correspondences
+from scanlock.registration.methods.icp.correspondences import Correspondences
 
 _MAX_CYCLE_LENGTH = 8
 """Maximum length of a cycle of poses to detect [iterations]; longer ones were never observed."""

@@ -10,8 +10,8 @@ from reference import point_tree
 from reference.point_scans import point_scan
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.solvers.criteria import StopReason
-from scanlock.registration.methods.distance_rejection import FixedRejection
-from scanlock.registration.methods.icp import Icp
+from scanlock.registration.methods.icp.distance_rejection import FixedRejection
+from scanlock.registration.methods.icp.icp import Icp
 
 _LATTICE = 10.0 * np.array(list(itertools.product(range(4), repeat=3)), np.float64) - 15.0
 """Points too far apart for another point to become the nearest."""

@@ -12,8 +12,8 @@ from scanlock.geometry.rigid_fit import PairMoments, fit_arun
 from scanlock.geometry.rotations import log_rotation
 from scanlock.models.gaussians import unpacked
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
-from scanlock.registration.methods.correspondences import Correspondences
-from scanlock.registration.methods.transform_estimation import TransformEstimation
+from scanlock.registration.methods.icp.correspondences import Correspondences
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 
 _POSE = Pose.from_step(np.array([1.0, -2.0, 0.5, 0.2, -0.4, 0.9]))
 _START = _POSE.retract(np.array([0.4, -0.3, 0.2, 0.05, -0.03, 0.08]))

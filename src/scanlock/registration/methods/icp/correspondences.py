@@ -17,8 +17,8 @@ from scanlock.clouds.neighbours import NearestNeighbours, Search, nearest_neighb
 from scanlock.clouds.point_tree import PointTree
 from scanlock.errors import InvalidInput
 from scanlock.models.surface_points import SurfacePoints, SurfaceVoxels
-from scanlock.registration.methods.distance_rejection import Rejection
 from scanlock.registration.methods.gaussian_scan import require_coarse_to_fine
+from scanlock.registration.methods.icp.distance_rejection import Rejection
 from scanlock.registration.methods.protocol import InsufficientData
 
 Residual = Literal["point-to-point", "point-to-plane"]

@@ -19,17 +19,17 @@ from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
 from scanlock.optimisation.objectives.robust_weights import RobustWeights
 from scanlock.optimisation.solvers.annealing import Annealing
 from scanlock.optimisation.solvers.criteria import StopReason
-from scanlock.registration.methods.correspondences import typical_spacing
-from scanlock.registration.methods.distance_rejection import (
+from scanlock.registration.methods.icp.annealing import AnnealedStart
+from scanlock.registration.methods.icp.correspondences import typical_spacing
+from scanlock.registration.methods.icp.distance_rejection import (
     AdaptiveRejection,
     FixedRejection,
     TrimmedRejection,
 )
-from scanlock.registration.methods.icp import Icp
-from scanlock.registration.methods.icp_annealing import AnnealedStart
-from scanlock.registration.methods.icp_history import IcpConvergenceCriteria
+from scanlock.registration.methods.icp.history import IcpConvergenceCriteria
+from scanlock.registration.methods.icp.icp import Icp
+from scanlock.registration.methods.icp.transform_estimation import TransformEstimation
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
-from scanlock.registration.methods.transform_estimation import TransformEstimation
 
 _MOTION = yaw_pose(0.05, (0.5, -0.3, 0.1))
 _PLANES = TransformEstimation(algorithm="gauss-newton", residual="point-to-plane")
