@@ -29,6 +29,8 @@ for module in pkgutil.walk_packages(scanlock.kernels.__path__, "scanlock.kernels
         if name.startswith("_") or getattr(kernel, "__module__", "") != module.name:
             continue
         for signature in getattr(kernel, "nopython_signatures", ()):
+            if kernel.stats.cache_path is None:
+                continue  # a helper, which Python does not call
             folder = pathlib.Path(kernel.stats.cache_path)
             size = max(
                 one.stat().st_size
