@@ -8,7 +8,7 @@ from scanlock.errors import InvalidInput, require_positive
 from scanlock.io.atomic import atomic_file
 from scanlock.io.columns import Columns, requested_names
 from scanlock.io.formats.registry import FORMATS, format_of_name, open_contents, require_format
-from scanlock.io.formats.stations import require_stations, split_station
+from scanlock.io.formats.stations import Station, require_stations, split_station
 from scanlock.io.scan_file import ScanFile
 from scanlock.io.scans import rescaled, scan_in_format
 
@@ -53,11 +53,8 @@ def read_scans(
     return scans if scale is None else tuple(rescaled(scan, scale) for scan in scans)
 
 
-def station_paths(path: Path) -> tuple[Path, ...]:
-    """Return a path for each station of a file: ``site.e57#Hall``, or ``site.e57#1``.
-
-    Stations are named if all have names of their own, else numbered from 1. A file with one scan
-    gives its own path.
+def list_stations(path: Path, format: str | None = None) -> tuple[Station, ...]:
+    """Return the stations of a file, not yet read; none if its format holds one scan only.
 
     Raises
     ------
@@ -66,14 +63,23 @@ def station_paths(path: Path) -> tuple[Path, ...]:
     MissingExtra
         The format needs an optional dependency that is not installed.
     """
-    name = format_of_name(path)
+    name = format_of_name(path) if format is None else require_format(format)
     if name is None or FORMATS[name].stations is None:
-        return (path,)
-    known, data = open_contents(path, None)
+        return ()
+    known, data = open_contents(path, format)
     if known.stations is None:
-        return (path,)
-    stations = require_stations(path, known.stations(path, data))
-    if len(stations) == 1:
+        return ()
+    return tuple(require_stations(path, known.stations(path, data)))
+
+
+def station_paths(path: Path) -> tuple[Path, ...]:
+    """Return a path for each station of a file: ``site.e57#Hall``, or ``site.e57#1``.
+
+    Stations are named if all have names of their own, else numbered from 1. A file with one scan
+    gives its own path. The errors are those of `list_stations`.
+    """
+    stations = list_stations(path)
+    if len(stations) < 2:
         return (path,)
     named = [path.with_name(f"{path.name}#{one.name}") for one in stations if "/" not in one.name]
     is_named = len(set(named)) == len(stations) and all(

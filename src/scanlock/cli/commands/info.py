@@ -23,6 +23,8 @@ def info(
 ) -> None:
     """Describe a scan file: format, fields, points and extent, with guesses about the sensor.
 
+    Of a file with several stations, list them.
+
     Parameters
     ----------
     scan : Path
@@ -34,6 +36,8 @@ def info(
     from scanlock.io import describe_scan
 
     how = reading or Reading()
+    if _show_stations(scan, how.format, json):
+        return
     description = describe_scan(scan, how.format, columns=how.wanted_columns(), scale=how.scale)
     if json:
         print_json(description.as_dict())
@@ -45,6 +49,30 @@ def info(
     print_facts(_facts(description))
     print_title("guesses")
     print_facts(_guesses(description))
+
+
+def _show_stations(path: Path, format: str | None, json: bool) -> bool:
+    """List the stations of a file that has several; return whether it has."""
+    from scanlock.cli.console import print_json, print_line, print_table, print_title
+    from scanlock.io.station_files import list_stations
+
+    stations = list_stations(path, format) if path.is_file() else ()
+    if len(stations) < 2:
+        return False
+    if json:
+        listed = [
+            {"number": k, "name": one.name, "points": one.points}
+            for k, one in enumerate(stations, 1)
+        ]
+        print_json({"path": str(path), "stations": listed})
+        return True
+    print_title(str(path))
+    print_table(
+        ["station", "name", "points"],
+        [[str(k), one.name, f"{one.points:,}"] for k, one in enumerate(stations, 1)],
+    )
+    print_line(f"name one to describe it, as in {path}#1")
+    return True
 
 
 def _facts(about: "ScanDescription") -> "Facts":

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from scanlock.io import CoordinateSystem, ScanFile, describe_scan, write_scan
+from scanlock.io import CoordinateSystem, ScanFile, describe_scan, write_scan, write_scans
 
 
 def test_json_equals_the_description(scanlock, scans):
@@ -25,6 +25,22 @@ def test_facts_are_printed_before_guesses(scanlock, scans):
     assert "sensor" in guesses
     assert "max range" not in guesses
     assert max(map(len, lines[1:])) <= 80
+
+
+def test_stations_are_listed_and_one_is_described(scanlock, tmp_path):
+    path = tmp_path / "site.ptx"
+    write_scans(path, [ScanFile(points=np.ones((k, 3)), fields={}, format="ptx") for k in (4, 7)])
+    done = scanlock("info", path)
+    rows = [line.split() for line in done.out.splitlines()]
+    assert (done.code, rows[0]) == (0, [str(path)])
+    assert rows[2:4] == [["1", "4"], ["2", "7"]]
+    assert rows[4][-1] == f"{path}#1"
+    listed = json.loads(scanlock("info", path, "--json").out)["stations"]
+    assert listed == [
+        {"number": 1, "name": "", "points": 4},
+        {"number": 2, "name": "", "points": 7},
+    ]
+    assert "points       7" in scanlock("info", f"{path}#2").out
 
 
 def test_column_names_can_be_given(scanlock, scans):
