@@ -73,10 +73,10 @@ class SparseRefinement:
 
     voxel_size: float = 0.1
     """Voxel size for downsampling [m]. It hardly changes a sparse cloud; the planes of a dense one
-    get the size of its partner's."""
+    get the size of those of the sparse one."""
 
     max_points: int = 10_000
-    """Maximum number of points of a cloud around which planes are fitted. The pose of so many is
+    """Maximum number of points of a cloud around which planes are fitted. With 10,000 the pose is
     known to some hundredths of their spacing."""
 
     cauchy_scale: float = 2.0
@@ -108,8 +108,13 @@ class SparseRefinement:
             require_positive(name, getattr(self, name), unit="m")
         require_positive("cauchy_scale", self.cauchy_scale)
 
-    def prepare(self, cloud: PointCloud) -> SparseScan:
-        """Build the tree of a cloud and choose the points around which planes are fitted."""
+    def prepare(self, cloud: PointCloud) -> SparseScan | None:
+        """Build the tree of a cloud and choose the points around which planes are fitted.
+
+        None for a cloud without points.
+        """
+        if len(cloud.measured_points) == 0:
+            return None
         tree = PointTree.from_points(voxel_means(cloud.measured_points, self.voxel_size))
         if len(tree) <= self.max_points:
             return SparseScan(tree, tree.points)

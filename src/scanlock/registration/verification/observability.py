@@ -47,6 +47,9 @@ _MIN_SPARSE_RATIO: dict[MotionKind, float] = {"translation": 0.003, "rotation": 
 """Minimum observability ratio of such a direction: slopes of 5 %. Steps of some centimetres between
 flight strips are more than noise, but not steep, and differ between flights."""
 
+_ROUNDING = 1e-12
+"""Relative rounding of differences of information."""
+
 _MIN_ROTATION_INFORMATION = 1e-3
 """Minimum of the maximum information about one axis, as a fraction of that about all axes; less is
 rounding."""
@@ -194,7 +197,8 @@ def _with_bias_multiples(
     kind, axes = directions[0].kind, np.column_stack([one.axis for one in directions])
     signals = quadratic_forms(_of_kind(information, kind), axes)
     totals = quadratic_forms(_of_kind(information + planes.bias(), kind), axes)
-    biases = np.maximum(totals - signals, np.finfo(np.float64).tiny)
+    # Exact planes have no bias, up to the rounding of the difference.
+    biases = np.maximum(totals - signals, _ROUNDING * totals.max())
     multiples = signals / biases
     return [
         replace(one, bias_multiple=float(multiple))
