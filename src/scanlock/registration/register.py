@@ -210,7 +210,10 @@ class _Call:
     ) -> PoseCovariance | None:
         """Estimate the covariance of the pose, or note why there is none."""
         with self.clock.stage("covariance"):
-            found = estimator.estimate(solution, self.method.covariance_factor, self._aligned)
+            factor = solution.covariance_factor
+            if factor is None:
+                factor = self.method.covariance_factor
+            found = estimator.estimate(solution, factor, self._aligned)
         if isinstance(found, str):
             self.notes.append(f"no covariance: {found}")
             return None

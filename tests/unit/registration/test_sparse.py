@@ -11,6 +11,7 @@ from scanlock.clouds.point_tree import PointTree
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.assess import assess
+from scanlock.registration.methods import sparse_refinement
 from scanlock.registration.methods.auto import Auto
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp.distance_rejection import AdaptiveRejection
@@ -145,6 +146,14 @@ def test_auto_refines_a_sparse_pair_to_a_tenth_of_its_spacing(found, source, tar
     spacing = np.median(PointTree.from_points(target).nearest(source)[1])
     difference = found.target_from_source.apply(source) - _MOTION.apply(source)
     assert math.sqrt((difference**2).sum(axis=1).mean()) < 0.1 * spacing
+
+
+def test_the_covariance_has_the_factor_of_the_refinement(found, source, target, monkeypatch):
+    factor = sparse_refinement._COVARIANCE_FACTOR
+    monkeypatch.setattr(sparse_refinement, "_COVARIANCE_FACTOR", 10.0 * factor)
+    wide = register(source=source, target=target).covariance.deviations
+    # The minimum covariance has no factor.
+    np.testing.assert_allclose(wide, 10.0 * found.covariance.deviations, rtol=0.1)
 
 
 def test_auto_without_the_refinement_keeps_the_pose_of_the_cells(found, source, target):

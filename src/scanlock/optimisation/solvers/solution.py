@@ -64,6 +64,9 @@ class Solution:
         Finished poses of a method that searches, best first.
     runner_up_ratio : float
         Score of the second candidate over that of the first; NaN without a search.
+    covariance_factor : float or None
+        Ratio of the actual standard deviations of the pose to the estimated ones, of a stage that
+        was calibrated by itself; None for that of the method.
     """
 
     pose: Pose
@@ -74,5 +77,6 @@ class Solution:
     objective: Objective | None = None
     candidates: tuple[Any, ...] = ()
     runner_up_ratio: float = math.nan
+    covariance_factor: float | None = None
 
     __repr__ = short_repr

@@ -36,6 +36,11 @@ six effective points, and three parameters were fitted to them."""
 _MIN_VARIANCE = 1e-4
 """Minimum of the variance of all residuals [m^2], which is zero for identical clouds."""
 
+_COVARIANCE_FACTOR = 1.4
+"""Ratio of the actual standard deviations to the estimated ones, measured on halves of four
+airborne tiles with eight seeds each: the square root of a sixth of the mean normalised squared
+error. Normals of few points are noisy, and noise counts as information on horizontal shifts."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SparseScan:
@@ -147,7 +152,13 @@ class SparseRefinement:
             step = found.pose.scaled_distance(solution.pose, self.rotation_scale)
             is_last = step < self.step_tolerance
             reason = StopReason.STEP_SMALL if is_last else StopReason.ITERATION_LIMIT
-            found = replace(solution, reason=reason, history=tuple(history), objective=objective)
+            found = replace(
+                solution,
+                reason=reason,
+                history=tuple(history),
+                objective=objective,
+                covariance_factor=_COVARIANCE_FACTOR,
+            )
             if is_last:
                 break
         return found
