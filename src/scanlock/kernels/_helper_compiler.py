@@ -47,7 +47,6 @@ class _HelperLowering(_passes.NativeLowering):
         # Callers find the code by this object, whose address of machine code is null.
         entry = _functions.make_function(module, name, "", 0, helper.env, (library,))
         state.targetctx.insert_user_function(entry, helper.fndesc, [library])
-        state.reload_init.extend(library._reload_init)
         state.cr = helper._replace(cfunc=entry)
         return True
 

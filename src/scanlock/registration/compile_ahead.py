@@ -50,8 +50,10 @@ class KernelSignature:
 
     def types(self) -> tuple[Any, ...]:
         """Return the types of the arguments."""
-        # The names of Numba's types are expressions in its module of types.
-        return tuple(eval(text, {"__builtins__": {}}, vars(types)) for text in self.arguments)
+        # The names of Numba's types are expressions in its module of types, in which older versions
+        # have no bool.
+        names = {"bool": types.boolean, **vars(types)}
+        return tuple(eval(text, {"__builtins__": {}}, names) for text in self.arguments)
 
     def is_compiled(self) -> bool:
         """Return whether the machine code is on disk; True without a compiler or a cache."""

@@ -74,6 +74,12 @@ def test_the_table_names_kernels_and_their_types(monkeypatch):
         assert tuple(map(repr, kernel.types())) == kernel.arguments
 
 
+def test_types_of_older_versions_are_found(monkeypatch):
+    monkeypatch.delattr(numba.types, "bool", raising=False)
+    kernel = KernelSignature(name="a.b", arguments=("bool",), is_default=True)
+    assert kernel.types() == (numba.types.boolean,)
+
+
 def test_only_the_first_process_receives_the_interrupt_of_a_terminal(monkeypatch):
     handlers = []
 
