@@ -73,7 +73,7 @@ class CompileNotice:
         if cache_path is None:
             where = "and no cache folder is writable: set NUMBA_CACHE_DIR to one that is"
         else:
-            where = "which takes up to a minute once, and keeping them on disk"
+            where = "which takes one to two minutes once, and keeping them on disk"
         _LOGGER.info("compiling kernels for the first use, %s", where)
 
 
