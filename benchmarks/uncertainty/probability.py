@@ -27,7 +27,7 @@ from scanlock.registration.verification.decision import MIN_PROBABILITY
 _FOLDS = 5
 """Number of folds of the simulated scenes, by seed."""
 
-_SIGNS = (-1, -1, -1, -1, 1, -1)
+_SIGNS = (-1, -1, -1, -1, 1, -1, 1)
 """Required signs of the weights."""
 
 _SHRINKAGE = 1e-3

@@ -25,6 +25,8 @@ class ClusterGaussians:
     ----------
     cloud : PointCloud
         Checked points of the whole scan.
+    ground : Ground
+        Ground of the scan.
     obstacles : (n, 3) [m]
         Points above the ground; all measured points if there is no ground.
     gaussians : tuple of Gaussians
@@ -34,6 +36,7 @@ class ClusterGaussians:
     """
 
     cloud: PointCloud
+    ground: Ground
     obstacles: Points
     gaussians: tuple[Gaussians, ...]
     notes: tuple[str, ...]
@@ -105,7 +108,9 @@ class ClusterGaussianExtractor:
             }
         scales = tuple(of_radius[radius] for radius in radii)
         note = f"ground {ground.status.value}: {ground.reason}; {len(scales[-1])} Gaussians"
-        return ClusterGaussians(cloud=cloud, obstacles=obstacles, gaussians=scales, notes=(note,))
+        return ClusterGaussians(
+            cloud=cloud, ground=ground, obstacles=obstacles, gaussians=scales, notes=(note,)
+        )
 
     def _gaussians(
         self, obstacles: Points, ground: Ground, radii: Sequence[float]

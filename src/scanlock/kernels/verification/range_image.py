@@ -175,3 +175,26 @@ def free_space_violation(
         if distance < measured - margin - margin_ratio * measured:
             violating += weights[p]
     return count, visible, violating
+
+
+@kernel
+def measured_ranges(
+    ranges: NDArray[np.float64], points: Points, rotation: Matrix, translation: Vector
+) -> tuple[Vector, Vector]:
+    """Return the range of each point (n, 3) from a sensor, and the range measured there [m].
+
+    `ranges` is (6, side, side) [m]; the rotation and translation take the points into its frame.
+    The measured range is infinite in empty bins and at the sensor itself.
+    """
+    side = ranges.shape[1]
+    distances, measured = np.empty(points.shape[0]), np.empty(points.shape[0])
+    for p in range(points.shape[0]):
+        u, v, w = transformed(
+            nine(rotation), triple(translation), points[p, 0], points[p, 1], points[p, 2]
+        )
+        distances[p] = math.sqrt(u * u + v * v + w * w)
+        measured[p] = math.inf
+        if distances[p] > 0.0:
+            face, row, column = _bin_of(u, v, w, side)
+            measured[p] = ranges[face, row, column]
+    return distances, measured

@@ -11,11 +11,13 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
 from scanlock.registration.verification.candidate import Candidate, agreement_ratio
 from scanlock.registration.verification.features import VerificationFeatures
+from scanlock.registration.verification.landmark_odds import DECISIVE_LOG_ODDS, landmark_log_odds
 from scanlock.registration.verification.local_planes import concatenated
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.observability import DirectionObservability, Observability
 from scanlock.registration.verification.overlap import shifted_score_ratio
 from scanlock.registration.verification.refinement import refine_pose
+from scanlock.registration.verification.self_similarity import common_periods
 
 _MIN_SHIFT = 0.75
 """Minimum shift of the source [m] that counts as another pose: about the size of a cluster."""
@@ -35,7 +37,9 @@ class Assessment:
         without a search.
     shifted_score_ratio : float
         Best score of the source shifted along its least constrained directions, divided by the
-        score at the pose; NaN if unknown.
+        score at the pose; 0 if the landmarks rule out such places, NaN if unknown.
+    scale_difference : tuple of float
+        Relative difference of scale of the scans, and its standard deviation; NaN if unknown.
     overlap_centroid : (3,) or None [m]
         Centroid of the surfaces that both scans share, in the target's local frame; None if they
         share none.
@@ -45,6 +49,7 @@ class Assessment:
     observability: Observability | None
     runner_up_ratio: float = math.nan
     shifted_score_ratio: float = math.nan
+    scale_difference: tuple[float, float] = (math.nan, math.nan)
     overlap_centroid: Vector | None = None
 
     __repr__ = short_repr
@@ -89,10 +94,18 @@ def assess_pose(
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
     refinement = refine_pose(target, source, pose)
     observability = refinement.observability
-    shifted = [
-        shifted_score_ratio(target.gaussians, source.gaussians, pose, one.axis, _MIN_SHIFT)
-        for one in (() if observability is None else observability.directions[:2])
-    ]
+    similarity, periods = common_periods(target.self_similarity, source.self_similarity, pose)
+    log_odds = landmark_log_odds(target, source, pose, periods)
+    axes = [] if observability is None else [one.axis for one in observability.directions[:2]]
+    shifted = (
+        # Landmarks tell the place from displaced ones, without the cost of the scores there.
+        [0.0]
+        if log_odds >= DECISIVE_LOG_ODDS
+        else [
+            shifted_score_ratio(target.gaussians, source.gaussians, pose, axis, _MIN_SHIFT)
+            for axis in axes
+        ]
+    )
     has_plane = refinement.target_planes.has_plane
     planes = concatenated([refinement.target_planes, refinement.source_planes])
     return Assessment(
@@ -107,10 +120,13 @@ def assess_pose(
             refinement_shift=refinement.refinement_shift,
             free_space_violation=chosen.free_space_violation,
             runner_up_ratio=_max_known([agreement_ratio(candidates), *shifted]),
+            landmark_log_odds=log_odds,
+            self_similarity=similarity,
         ),
         observability=observability,
         runner_up_ratio=runner_up_ratio,
         shifted_score_ratio=_max_known(shifted),
+        scale_difference=refinement.scale_difference,
         overlap_centroid=planes.points.mean(axis=0) if len(planes.points) else None,
     )
 

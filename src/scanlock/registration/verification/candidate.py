@@ -14,6 +14,9 @@ MAX_FREE_SPACE_VIOLATION = 0.15
 """Free-space violation from which a pose is implausible; its plausibility is then one half.
 Correct poses of 238 real pairs have up to 0.14."""
 
+MAX_RULED_OUT = 0.3
+"""Probability below which a candidate is no rival of another."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Candidate:
@@ -37,6 +40,9 @@ class Candidate:
     free_space_violation : float
         Fraction of either scan's Gaussians in the free space of the other scan, in [0, 1]; NaN
         if unknown.
+    probability : float
+        Probability that the pose is right, by its own verification and the prior; NaN if the pose
+        was not verified, as nothing else has a similar score.
     """
 
     target_from_source: Pose
@@ -45,6 +51,7 @@ class Candidate:
     target_overlap: float
     score: float
     free_space_violation: float
+    probability: float = math.nan
 
     __repr__ = short_repr
 
@@ -60,6 +67,11 @@ class Candidate:
             math.isnan(self.free_space_violation)
             or self.free_space_violation < MAX_FREE_SPACE_VIOLATION
         )
+
+    @property
+    def is_ruled_out(self) -> bool:
+        """Whether the verification finds the pose wrong, so that it is no rival of another."""
+        return self.probability < MAX_RULED_OUT
 
     def with_pose(self, pose: Pose) -> "Candidate":
         """Return the candidate with another pose, such as the same pose in other frames."""
@@ -79,9 +91,10 @@ def plausibility(free_space_violation: float) -> float:
 def agreement_ratio(candidates: Sequence[Candidate]) -> float:
     """Return the best agreement of the other candidates divided by that of the first.
 
-    0 for a single candidate; NaN without candidates, or if the first has no agreement.
+    Candidates that are ruled out do not count. 0 without others; NaN without candidates, or if the
+    first has no agreement.
     """
     if not candidates or candidates[0].agreement <= 0.0:
         return math.nan
-    others = [one.agreement for one in candidates[1:]]
+    others = [one.agreement for one in candidates[1:] if not one.is_ruled_out]
     return max(others, default=0.0) / candidates[0].agreement

@@ -1,9 +1,12 @@
 """Decision on a pose: the status of a result, and the sentence that explains it."""
 
+import math
+from collections.abc import Sequence
+
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.verification.assessment import Assessment
-from scanlock.registration.verification.candidate import MAX_FREE_SPACE_VIOLATION
+from scanlock.registration.verification.candidate import MAX_FREE_SPACE_VIOLATION, Candidate
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.status import Status
 
@@ -25,6 +28,16 @@ of equal houses the correct pose scores down to 0.78 of a false one. 262 whole r
 MAX_SHIFTED_SCORE_RATIO = 0.9
 """Ambiguity threshold: best score of the shifted source divided by the score at the pose. Endless
 corridors exceed it; whole real scans with long walls or rows of trees reach 0.8."""
+
+_MAX_SCALE_DIFFERENCE = 0.004
+"""Largest difference of scale of an accurate pose: 0.12 m at a range of 30 m."""
+
+_SCALE_DEVIATIONS = 5.0
+"""Standard deviations from which on a difference of scale is significant. Its deviation leaves out
+what is common to all planes; calibrations of two sensors differ by up to three."""
+
+_MIN_SEPARATION = (1.0, math.radians(5.0))
+"""Translation [m] or rotation [rad] from which on another verified pose makes a pose ambiguous."""
 
 MAX_REFINEMENT_SHIFT = 0.2
 """Maximum refinement shift [m] of an accurate pose. It is two thirds of the tolerance of a correct
@@ -79,6 +92,14 @@ def decide_status(
             f"{facts}: the pose {outcome}, its probability is {probability:.2f}; use a better "
             "initial pose, or scans closer together"
         )
+    difference, deviation = assessment.scale_difference
+    if abs(difference) > max(_MAX_SCALE_DIFFERENCE, _SCALE_DEVIATIONS * deviation):
+        return Status.UNVERIFIED, (
+            f"{facts}, but the scales of the scans differ by about {abs(difference):.1%}; check "
+            "the units and the calibration"
+        )
+    if rival := _rival(solution, length_scale):
+        return Status.AMBIGUOUS, f"{facts}, but {rival}; compare the candidates, or pass prior="
     if (
         assessment.runner_up_ratio > MAX_RUNNER_UP_RATIO
         or assessment.shifted_score_ratio > MAX_SHIFTED_SCORE_RATIO
@@ -88,6 +109,26 @@ def decide_status(
             "compare the candidates, or pass prior="
         )
     return Status.OK, f"{facts}, probability {probability:.3f}"
+
+
+def _rival(solution: Solution, length_scale: float) -> str:
+    """Describe the most probable other pose that would be verified; empty if there is none."""
+    candidates: Sequence[Candidate] = solution.candidates
+    metres, radians = _MIN_SEPARATION
+    rivals = [
+        one
+        for one in candidates[1:]
+        if one.probability >= MIN_PROBABILITY
+        and not one.target_from_source.is_close(solution.pose, translation=metres, rotation=radians)
+    ]
+    if not rivals:
+        return ""
+    best = max(rivals, key=lambda one: one.probability)
+    distance, angle = best.target_from_source.distance(solution.pose)
+    return (
+        f"another pose has the probability {best.probability:.2f} too, "
+        f"{length_scale * distance:.2f} m and {math.degrees(angle):.1f} degrees away"
+    )
 
 
 def _is_consistent(metrics: Metrics) -> bool:

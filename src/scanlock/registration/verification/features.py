@@ -11,9 +11,11 @@ from scanlock.registration.verification.cluster_constraints import (
     ClusterConstraints,
     cluster_constraints,
 )
+from scanlock.registration.verification.landmarks import Landmarks, find_landmarks
 from scanlock.registration.verification.local_planes import LocalPlaneFitter, LocalPlanes
 from scanlock.registration.verification.overlap import self_score
 from scanlock.registration.verification.range_image import RangeImage, RangeImager
+from scanlock.registration.verification.self_similarity import SelfSimilarity
 from scanlock.segmentation.cluster_gaussians import (
     MIN_GAUSSIANS,
     ClusterGaussianExtractor,
@@ -60,6 +62,10 @@ class VerificationFeatures:
     cluster_constraints : ClusterConstraints
         Information on the pose from the clusters; none from voxels, whose boundaries depend on
         the grid.
+    landmarks : Landmarks
+        Low objects of the scan.
+    self_similarity : SelfSimilarity
+        Autocorrelation of the view from above of the scan.
     self_score : float
         D2D score of the Gaussians with themselves, which normalises the score of two scans.
     """
@@ -72,6 +78,8 @@ class VerificationFeatures:
     roughness: float
     notes: tuple[str, ...]
     cluster_constraints: ClusterConstraints
+    landmarks: Landmarks
+    self_similarity: SelfSimilarity
     self_score: float = field(init=False)
 
     __repr__ = short_repr
@@ -113,6 +121,7 @@ def features_from_clusters(
         constraints = ClusterConstraints.unconstrained()
         notes = (*notes, f"too few clusters: verified with {len(gaussians)} voxel Gaussians")
     fitter = _plane_fitter(cloud)
+    landmarks = find_landmarks(clusters)
     cell_list, query_points = fitter.cell_list(cloud), fitter.query_points(cloud)
     return VerificationFeatures(
         cloud=cloud,
@@ -123,6 +132,8 @@ def features_from_clusters(
         roughness=fitter.fit(cell_list, query_points).rmse,
         notes=notes,
         cluster_constraints=constraints,
+        landmarks=landmarks,
+        self_similarity=SelfSimilarity.of(landmarks.occupied),
     )
 
 

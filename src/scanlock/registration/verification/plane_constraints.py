@@ -29,6 +29,12 @@ _DAMPING = 0.01
 """Damping of a step as a fraction of the maximum information; it suppresses steps along degenerate
 directions."""
 
+_SCALE_DAMPING = 1e-6
+"""Damping of the step with a scale, relative to the information on each parameter."""
+
+_MIN_INFORMATION = 1e-12
+"""Minimum information on a parameter, to avoid a division by zero."""
+
 _MIN_NOISE = 0.01
 """Minimum standard deviation of the residuals [m], however well a few planes fit."""
 
@@ -85,6 +91,22 @@ class PlaneConstraints:
         damped = regularised(self.information + _DAMPING * self.max_information)
         step = -np.linalg.solve(damped, (self.weights * self.residuals) @ self.jacobian)
         return step.astype(np.float64, copy=False)
+
+    def scale_difference(self) -> tuple[float, float]:
+        """Estimate the relative difference of scale of the scans, and its standard deviation.
+
+        The seventh parameter of a Gauss-Newton step: the source is scaled about its origin by
+        ``1 + difference``. Scans of one scale have 0.0005 or less.
+        """
+        growth = np.einsum("ij,ij->i", self.jacobian[:, :3], self.points)
+        jacobian = np.column_stack([self.jacobian, growth])
+        weighted = self.weights[:, None] * jacobian
+        information = weighted.T @ jacobian
+        units = np.sqrt(np.maximum(np.diag(information), _MIN_INFORMATION))
+        normalised = information / np.outer(units, units) + _SCALE_DAMPING * np.eye(7)
+        last = np.linalg.solve(normalised, np.eye(7)[6])
+        difference = -float(last @ (self.residuals @ weighted / units)) / float(units[6])
+        return difference, self.noise * math.sqrt(float(last[6])) / float(units[6])
 
     def bias_corrected_information(self) -> Matrix:
         """Return the (6, 6) information without its bias from noisy normals.

@@ -1,4 +1,4 @@
-"""Probability that a pose is correct: a logistic model of six numbers.
+"""Probability that a pose is correct: a logistic model of seven numbers.
 
 ``probability = 1 / (1 + exp(-(INTERCEPT + sum of WEIGHTS x features)))``.
 ``benchmarks/uncertainty/probability.py`` fits the weights to registrations of simulated and real
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from scanlock.arrays import Vector
+from scanlock.registration.verification.landmark_odds import MAX_LOG_ODDS
 from scanlock.registration.verification.metrics import Metrics
 from scanlock.registration.verification.observability import DirectionObservability
 
@@ -21,11 +22,12 @@ FEATURES = (
     "log of rotation deviation",
     "log of runner-up margin",
     "degenerate",
+    "landmark log odds",
 )
 """Names of the features of the model, in the order of `WEIGHTS`; see `features`."""
 
 INTERCEPT = 1.54
-WEIGHTS = (-7.70, -3.30, -1.11, -0.55, 1.45, -4.56)
+WEIGHTS = (-7.70, -3.30, -1.11, -0.55, 1.45, -4.56, 0.5)
 
 _DEFAULT_VIOLATION = 0.1
 """Free-space violation if unknown: slightly more than most correct poses have."""
@@ -35,7 +37,7 @@ _MIN_MARGIN = 0.05
 
 
 def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability]) -> Vector:
-    """Return the (6,) features of the model, in the order of `FEATURES`.
+    """Return the (7,) features of the model, in the order of `FEATURES`.
 
     Each is clipped to the range of the training data, since a linear model extrapolates without
     bound.
@@ -59,14 +61,19 @@ def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability])
             _log(_known(rotation_deviation, 0.03), 0.0003, 0.03),
             math.log(1.0 + _MIN_MARGIN - min(runner_up_ratio, 1.0)),
             float(any(one.is_degenerate for one in directions)),
+            min(MAX_LOG_ODDS, max(-MAX_LOG_ODDS, _known(metrics.landmark_log_odds, 0.0))),
         ]
     )
 
 
+def log_odds(metrics: Metrics, directions: Sequence[DirectionObservability]) -> float:
+    """Return the logarithm of the odds that the pose is within 0.3 m and 1 degree of the truth."""
+    return INTERCEPT + float(np.dot(WEIGHTS, model_inputs(metrics, directions)))
+
+
 def probability(metrics: Metrics, directions: Sequence[DirectionObservability]) -> float:
     """Return the probability that the pose is within 0.3 m and 1 degree of the truth."""
-    logit = INTERCEPT + float(np.dot(WEIGHTS, model_inputs(metrics, directions)))
-    return 1.0 / (1.0 + math.exp(-logit))
+    return 1.0 / (1.0 + math.exp(-log_odds(metrics, directions)))
 
 
 def _known(value: float, default: float) -> float:

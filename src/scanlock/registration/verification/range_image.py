@@ -13,6 +13,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.kernels.verification.range_image import (
     build_range_image,
     free_space_violation,
+    measured_ranges,
     minimum_filtered,
 )
 
@@ -48,6 +49,14 @@ class RangeImage:
         """
         count, visible, violating = self._visibility(points, image_from_points, weights)
         return violating / visible if count >= self.settings.min_points else math.nan
+
+    def measured_ranges(self, points: Points) -> tuple[Vector, Vector]:
+        """Return the range of (n, 3) points [m] of the scan's frame, and the range measured there.
+
+        The measured range is infinite in cells without a range.
+        """
+        identity = Pose.identity()
+        return measured_ranges(self.ranges, points, identity.rotation, identity.translation)
 
     def visible_ratio(self, points: Points) -> float:
         """Return the ratio of (n, 3) points [m] of the scan that are not occluded."""

@@ -43,6 +43,9 @@ class Refinement:
     refinement_shift : float [m]
         Distance by which refinement moves the source, at 17 m from its origin; NaN if the scans
         share too few planes.
+    scale_difference : tuple of float
+        Relative difference of scale at the refined pose, and its standard deviation; NaN if the
+        scans share too few planes.
     """
 
     target_planes: LocalPlanes
@@ -50,6 +53,7 @@ class Refinement:
     refined_planes: LocalPlanes
     observability: Observability | None
     refinement_shift: float
+    scale_difference: tuple[float, float] = (math.nan, math.nan)
 
 
 def refine_pose(
@@ -86,6 +90,9 @@ def refine_pose(
             else observability_of(constraints, target.cluster_constraints, is_sparse)
         ),
         refinement_shift=_length(refined.difference(pose)),
+        scale_difference=(
+            (math.nan, math.nan) if constraints is None else constraints.scale_difference()
+        ),
     )
 
 

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -155,3 +156,48 @@ def test_the_agreement_ratio_compares_the_runner_up_with_the_best():
     assert agreement_ratio([_candidate(), _candidate(score=0.2)]) == pytest.approx(0.4)
     assert np.isnan(agreement_ratio([]))
     assert np.isnan(agreement_ratio([_candidate(score=0.0)]))
+
+
+def _rival(metres, degrees, probability):
+    angle = math.radians(degrees)
+    pose = Pose.from_step(np.array([metres, 0.0, 0.0, 0.0, 0.0, angle]))
+    return Candidate(
+        target_from_source=pose, proposed_by="BEV correlation", overlap=0.3, target_overlap=0.3,
+        score=0.2, free_space_violation=0.0, probability=probability,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("metres", "degrees", "probability", "expected"),
+    [
+        (4.0, 0.0, 0.95, Status.AMBIGUOUS),
+        (0.0, 180.0, 0.95, Status.AMBIGUOUS),
+        (4.0, 0.0, 0.85, Status.OK),
+        (0.8, 3.0, 0.99, Status.OK),
+        (4.0, 0.0, math.nan, Status.OK),
+    ],
+)
+def test_another_verified_pose_is_a_rival(metres, degrees, probability, expected):
+    candidates = (_rival(0.0, 0.0, 0.99), _rival(metres, degrees, probability))
+    solution = replace(_solution(), candidates=candidates)
+    status, sentence = decide_status(solution, _assessment(), 0.99)
+    assert status is expected
+    if expected is Status.AMBIGUOUS:
+        assert f"{metres:.2f} m and {degrees:.1f} degrees away" in sentence
+
+
+@pytest.mark.parametrize(
+    ("difference", "deviation", "expected"),
+    [
+        (0.0005, 0.0001, Status.OK),
+        (0.008, 0.0007, Status.UNVERIFIED),
+        (-0.02, 0.001, Status.UNVERIFIED),
+        (0.008, 0.003, Status.OK),
+        (math.nan, math.nan, Status.OK),
+    ],
+)
+def test_scans_of_different_scale_are_not_ok(difference, deviation, expected):
+    assessment = replace(_assessment(), scale_difference=(difference, deviation))
+    status, sentence = decide_status(_solution(), assessment, 0.99)
+    assert status is expected
+    assert ("scales of the scans" in sentence) is (expected is Status.UNVERIFIED)

@@ -79,3 +79,29 @@ def test_regularised_information_is_positive_definite():
     assert (np.linalg.eigvalsh(found) > 0.0).all()
     np.testing.assert_allclose(found[0, 0], 4.0, rtol=1e-9)
     np.testing.assert_allclose(found[3, 3], 900.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("difference", [0.0, 0.004, -0.01])
+def test_a_difference_of_scale_is_estimated(difference):
+    planes, origin = _planes(np.random.default_rng(4), 600), np.array([3.0, -2.0, 1.0])
+    growth = np.einsum("ij,ij->i", planes.normals, planes.points - origin)
+    noise = np.random.default_rng(5).normal(0.0, 0.005, 600)
+    scaled = replace(planes, residuals=-difference * growth + noise)
+    found, deviation = plane_constraints(scaled, origin).scale_difference()
+    assert found == pytest.approx(difference, abs=0.15 * abs(difference) + 4.0 * deviation)
+    assert 0.0 < deviation < 0.001
+
+
+def test_a_motion_is_no_difference_of_scale():
+    planes = _planes(np.random.default_rng(6), 300)
+    step = np.array([0.02, -0.01, 0.015, 0.0005, -0.0004, 0.0003])
+    motions = planes.normals @ step[:3] + np.cross(planes.points, planes.normals) @ step[3:]
+    found, _ = plane_constraints(replace(planes, residuals=motions), np.zeros(3)).scale_difference()
+    assert abs(found) < 1e-4
+
+
+def test_no_plane_away_from_the_origin_tells_no_scale():
+    planes = _planes(np.random.default_rng(7), 20)
+    at_origin = replace(planes, points=np.zeros((20, 3)))
+    found, _ = plane_constraints(at_origin, np.zeros(3)).scale_difference()
+    assert np.isfinite(found)
