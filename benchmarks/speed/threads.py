@@ -20,7 +20,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.optimisation.objectives.gaussian_scores import GaussiansToGaussians
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.register import register

@@ -33,7 +33,7 @@ from benchmarks._common.results import Results
 from benchmarks._common.turned_pairs import all_pairs
 from scanlock.arrays import Vector
 from scanlock.geometry.pose import Pose
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.register import register
 from scanlock.registration.result import RegistrationResult
 from scanlock.registration.verification.candidate import INITIAL, agreement_ratio

@@ -31,7 +31,7 @@ from scanlock.registration.uncertainty.covariance_estimator import (
 
 # Methods
 from scanlock.registration.registry import METHODS as METHODS
-from scanlock.registration.methods.auto import Auto as Auto
+from scanlock.registration.methods.auto.auto import Auto as Auto
 from scanlock.registration.methods.sgc_ndt import SgcNdt as SgcNdt
 from scanlock.registration.methods.ndt import Ndt as Ndt
 from scanlock.registration.methods.ndt_d2d import NdtD2d as NdtD2d
@@ -60,7 +60,7 @@ from scanlock.registration.methods.icp.history import (
 from scanlock.registration.methods.coarse_to_fine import CoarseToFine as CoarseToFine
 from scanlock.registration.methods.coarse_to_fine import Scale as Scale
 from scanlock.registration.methods.coarse_to_fine import PAPER_SCALES as PAPER_SCALES
-from scanlock.registration.methods.multi_start import MultiStart as MultiStart
+from scanlock.registration.methods.auto.multi_start import MultiStart as MultiStart
 from scanlock.registration.methods.fine_ndt import FineNdt as FineNdt
 from scanlock.registration.methods.sparse_refinement import SparseRefinement as SparseRefinement
 from scanlock.registration.search.bev_correlation import BevSearch as BevSearch

@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from scanlock.errors import InvalidInput
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp.annealing import AnnealedStart
 from scanlock.registration.methods.icp.correspondences import VoxelSearch

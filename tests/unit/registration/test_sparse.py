@@ -12,7 +12,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import PosePrior
 from scanlock.registration.assess import assess
 from scanlock.registration.methods import sparse_refinement
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp.distance_rejection import AdaptiveRejection
 from scanlock.registration.prepare import prepare

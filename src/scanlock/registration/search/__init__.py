@@ -16,5 +16,5 @@
     ground or with any roll and pitch (proposed by Das et al. 2013; similar to G3Reg, Qiao et al.
     2023).
 
-The refinement of hypotheses belongs to `scanlock.registration.methods.multi_start`.
+The refinement of hypotheses belongs to `scanlock.registration.methods.auto.multi_start`.
 """

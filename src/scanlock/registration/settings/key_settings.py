@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.methods.gicp import Gicp
 from scanlock.registration.methods.icp.icp import Icp
 from scanlock.registration.methods.mskm_ndt import MskmNdt

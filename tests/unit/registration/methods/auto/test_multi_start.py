@@ -4,8 +4,8 @@ import pytest
 from reference.samples import gaussians, yaw_pose
 from scanlock.errors import InvalidInput
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints, PosePrior
+from scanlock.registration.methods.auto.multi_start import MultiStart
 from scanlock.registration.methods.coarse_to_fine import Scale
-from scanlock.registration.methods.multi_start import MultiStart
 from scanlock.registration.search.hypothesis import Hypothesis
 
 _TRUTH = yaw_pose(0.7, (3.0, -2.0, 0.2))

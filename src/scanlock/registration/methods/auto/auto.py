@@ -5,10 +5,10 @@
    refined by SGC-NDT over its full schedule, then by fine NDT, and by fine NDT alone.
 3. Score of each refined pose: overlap, correlation, free space, the prior, and a given start.
 4. Fallback, if the best score is low: a wider search, refinement and scores as before.
-5. Choice: the pose with the highest score, refined once more if the clouds are sparse.
+5. Choice: the pose with the highest score; among poses with similar scores the most probable one
+   by the verification. It is refined once more if the clouds are sparse.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -18,18 +18,25 @@ from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import UNCONSTRAINED, Constraints
 from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.solution import Iteration, Solution
-from scanlock.registration.methods.auto_data import AutoData, AutoPair
+from scanlock.registration.methods.auto.data import AutoData, AutoPair
+from scanlock.registration.methods.auto.judgement import judged_poses
+from scanlock.registration.methods.auto.multi_start import MultiStart, RefinedHypothesis
+from scanlock.registration.methods.auto.ranking import (
+    ScoredPose,
+    ranked_poses,
+    runner_up_ratio,
+    score_pose,
+)
+from scanlock.registration.methods.auto.rivals import rival_hypotheses
 from scanlock.registration.methods.fine_ndt import FineNdt
-from scanlock.registration.methods.multi_start import MultiStart, RefinedHypothesis
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.methods.sgc_ndt import SgcNdt
 from scanlock.registration.methods.sparse_refinement import SparseRefinement
 from scanlock.registration.search.bev_correlation import BevSearch
 from scanlock.registration.search.bev_grid import level_pose
 from scanlock.registration.search.cluster_matching import ClusterMatcher
-from scanlock.registration.search.hypothesis import Hypothesis, distinct_rows
-from scanlock.registration.verification.agreement import candidate_at
-from scanlock.registration.verification.candidate import INITIAL, Candidate
+from scanlock.registration.search.hypothesis import Hypothesis
+from scanlock.registration.verification.candidate import INITIAL
 from scanlock.registration.verification.features import features_from_clusters
 from scanlock.registration.verification.range_image import RangeImager
 from scanlock.segmentation.ground.result import GroundStatus
@@ -41,20 +48,6 @@ which fine NDT from the start is skipped. It would end at the same pose: 1 m is 
 _MAX_FALLBACK_HYPOTHESES = 8
 """Number of BEV hypotheses that the fallback refines. In simulated forests the free-space violation
 of the correct one of sixty was a tenth of the next."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _ScoredPose:
-    """A refined pose and its score; the pose with the highest score is chosen."""
-
-    candidate: Candidate
-    solution: Solution
-    score: float
-
-    @property
-    def rank(self) -> tuple[bool, float]:
-        """Sort key: a pose without correspondences comes last."""
-        return self.solution.reason is not StopReason.EMPTY_OBJECTIVE, self.score
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -168,7 +161,7 @@ class Auto(Method[AutoData]):
         Returns
         -------
         Solution
-            The pose with the highest score; its `candidates` are all distinct refined poses.
+            The chosen pose; its `candidates` are all distinct refined poses.
         """
         pair = AutoPair(target=target, source=source, initial=start, constraints=constraints)
         refined, history = self._refine(pair, self._hypotheses(pair), start, INITIAL)
@@ -179,6 +172,9 @@ class Auto(Method[AutoData]):
             refined, further_history = self._refine(pair, hypotheses, identity, "identity")
             ranked = self._rank(pair, refined, ranked)
             history += further_history
+        rivals, further_history = self._refine_rivals(pair, ranked[0])
+        ranked = judged_poses(pair, self._rank(pair, rivals, ranked))
+        history += further_history
         best = self._refine_sparsely(pair, ranked[0])
         history += () if best is ranked[0] else best.solution.history
         ranked[0] = best
@@ -186,7 +182,7 @@ class Auto(Method[AutoData]):
             best.solution,
             history=history,
             candidates=tuple(one.candidate for one in ranked),
-            runner_up_ratio=_runner_up_ratio(ranked),
+            runner_up_ratio=runner_up_ratio(ranked),
         )
 
     def _hypotheses(self, pair: AutoPair) -> list[Hypothesis]:
@@ -246,6 +242,14 @@ class Auto(Method[AutoData]):
             refined += self._refine_start(pair, start, proposed_by, refined)
         return refined, history + tuple(step for one in refined for step in one.solution.history)
 
+    def _refine_rivals(
+        self, pair: AutoPair, best: ScoredPose
+    ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
+        """Refine the poses that may look like the best one; see `rival_hypotheses`."""
+        if best.solution.reason is StopReason.EMPTY_OBJECTIVE or not pair.both_have_clusters:
+            return [], ()
+        return self._refine(pair, rival_hypotheses(pair, best.solution.pose), None, "")
+
     def _refine_start(
         self, pair: AutoPair, start: Pose, proposed_by: str, known: list[RefinedHypothesis]
     ) -> list[RefinedHypothesis]:
@@ -281,7 +285,7 @@ class Auto(Method[AutoData]):
             return refined
         return replace(refined, solution=solution)
 
-    def _refine_sparsely(self, pair: AutoPair, chosen: _ScoredPose) -> _ScoredPose:
+    def _refine_sparsely(self, pair: AutoPair, chosen: ScoredPose) -> ScoredPose:
         """Refine the chosen pose of sparse clouds by planes around their points."""
         target, source = pair.target.sparse, pair.source.sparse
         if self.sparse_refinement is None or target is None or source is None:
@@ -305,28 +309,16 @@ class Auto(Method[AutoData]):
         return refined.solution.pose.is_close(pose, translation=translation, rotation=rotation)
 
     def _rank(
-        self, pair: AutoPair, refined: list[RefinedHypothesis], ranked: Sequence[_ScoredPose] = ()
-    ) -> list[_ScoredPose]:
+        self, pair: AutoPair, refined: list[RefinedHypothesis], ranked: Sequence[ScoredPose] = ()
+    ) -> list[ScoredPose]:
         """Score refined poses; return the distinct ones, ranked ones included, best first."""
         scored = [*ranked, *(self._score(pair, one) for one in refined)]
-        scored.sort(key=lambda one: one.rank, reverse=True)
-        poses = [one.candidate.target_from_source for one in scored]
-        return [scored[row] for row in distinct_rows(poses, *self.multi_start.min_separation)]
+        return ranked_poses(scored, self.multi_start.min_separation)
 
-    def _score(self, pair: AutoPair, refined: RefinedHypothesis) -> _ScoredPose:
-        """Score a refined pose: agreement, initial-pose preference, prior."""
-        target, source = pair.target.features, pair.source.features
-        candidate = candidate_at(target, source, refined.solution.pose, refined.proposed_by)
-        score = candidate.agreement
-        if candidate.proposed_by == INITIAL:
-            score *= self.initial_pose_preference
-        if pair.constraints.prior is not None:
-            # As in the objectives, the prior is one observation among those of the Gaussians.
-            penalty = pair.constraints.prior.linearise(candidate.target_from_source).value
-            score -= penalty / max(1, len(pair.source.multi_start_gaussians[-1]))
-        return _ScoredPose(candidate, refined.solution, score)
+    def _score(self, pair: AutoPair, refined: RefinedHypothesis) -> ScoredPose:
+        return score_pose(pair, refined, self.initial_pose_preference)
 
-    def _needs_fallback(self, ranked: list[_ScoredPose]) -> bool:
+    def _needs_fallback(self, ranked: list[ScoredPose]) -> bool:
         """Return whether no pose is plausible with sufficient agreement."""
         if not ranked:
             return True
@@ -339,11 +331,3 @@ def _correlate(search: BevSearch | None, pair: AutoPair) -> list[Hypothesis]:
     if search is None or target is None or source is None:
         return []
     return search.hypotheses(target, source)
-
-
-def _runner_up_ratio(ranked: list[_ScoredPose]) -> float:
-    """Return the score of the second pose over that of the first; 0 without a second."""
-    if len(ranked) < 2:
-        return 0.0
-    first, second = (one.score for one in ranked[:2])
-    return max(0.0, second / first) if first > 0.0 else math.nan

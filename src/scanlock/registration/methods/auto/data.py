@@ -101,6 +101,11 @@ class AutoPair:
         """Return the nearest pose with the locked directions of the initial pose."""
         return self.constraints.project(pose, self.initial or Pose.identity())
 
+    def prior_penalty(self, pose: Pose) -> float:
+        """Return the negative log-likelihood of a pose under the prior; 0 without one."""
+        prior = self.constraints.prior
+        return 0.0 if prior is None else prior.linearise(pose).value
+
     def plausibility(self, pose: Pose) -> float:
         """Return the score factor of a pose for its free-space violation, in [0, 1]."""
         return plausibility(free_space_violation(self.target.features, self.source.features, pose))

@@ -9,7 +9,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.errors import InvalidInput
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import Constraints, PosePrior
-from scanlock.registration.methods.auto import Auto
+from scanlock.registration.methods.auto.auto import Auto
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.protocol import InsufficientData, PreparationLog
 from scanlock.registration.register import register
