@@ -32,6 +32,22 @@ from scanlock.simulation.world import World
 LOCAL = ("sgc-ndt-d2d", "gicp", "vgicp", "ndt", "icp")
 """Local methods, which end at a wrong pose from a start outside their basin."""
 
+_SIMULATED_SENSORS = ("hdl_64e", "hdl_32e", "os1_64")
+"""Sensors of simulated pairs, cycled by seed."""
+
+_REAL_SENSORS = {
+    "kitti": "hdl_64e",
+    "newer_01": "os1_64",
+    "forest": "os1_64",
+    "handheld": "handheld 64",
+    "hdl32": "hdl_32e",
+    "av2_pair": "vlp_32c",
+    "car_cloud": "car_cloud",
+    "rellis": "os1_64 and velodyne",
+    "terrestrial": "terrestrial",
+}
+"""Kinds of the real sensors, by the first letters of the group's name."""
+
 _MAX_PAIRS = 15
 """Maximum number of pairs per group of real pairs, evenly spaced."""
 
@@ -52,6 +68,10 @@ class Case:
     scene: str
     """Place of the target; cross-validation leaves out one place at a time."""
     kind: str
+    world: str
+    """Kind of world, or folder of real scans; both, joined by "and", where the places differ."""
+    sensor: str
+    """Kind of sensor; both, joined by "and", where those of the scans differ."""
     target: Cloud
     source: Cloud
     truth: Pose | None
@@ -59,6 +79,15 @@ class Case:
     start: Pose | None
     methods: tuple[str, ...]
     tolerance: tuple[float, float] = (MAX_METRES, MAX_DEGREES)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Columns of a case that all cases of one place have; see `Case`."""
+
+    scene: str
+    world: str
+    sensor: str
 
 
 def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
@@ -72,14 +101,15 @@ def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
         pair = pairs[index]
         target, source = pair.load_target(), pair.load_source()
         for turn in headings(group, index, turns):
+            place = Place(_scene(group), world_of(group), sensor_of(group))
             yield from _pair_cases(
-                _scene(group), target, turn.apply(source), pair.truth @ turn.inverse(),
+                place, target, turn.apply(source), pair.truth @ turn.inverse(),
                 tolerance_of(group), rng,
             )  # fmt: skip
 
 
 def _pair_cases(
-    scene: str, target: Cloud, source: Cloud, truth: Pose, tolerance: tuple[float, float],
+    place: Place, target: Cloud, source: Cloud, truth: Pose, tolerance: tuple[float, float],
     rng: np.random.Generator,
 ) -> Iterator[Case]:  # fmt: skip
     def case(
@@ -87,7 +117,7 @@ def _pair_cases(
     ) -> Case:
         clouds = {"target": target, "source": source, **changes}
         return Case(
-            scene=scene, kind=kind, truth=truth, start=start, methods=methods,
+            **vars(place), kind=kind, truth=truth, start=start, methods=methods,
             tolerance=tolerance, **clouds,
         )  # fmt: skip
 
@@ -108,8 +138,10 @@ def other_place_cases(data: Path, count: int, seed: int) -> Iterator[Case]:
     """Yield cases of real scans of different places."""
     rng = np.random.default_rng([seed, 1])
     scans: dict[str, list[Callable[[], Cloud]]] = {}
+    groups: dict[str, str] = {}
     for pair in all_pairs(data):
         scans.setdefault(_scene(pair.group), []).extend((pair.load_target, pair.load_source))
+        groups[_scene(pair.group)] = pair.group
     scenes = sorted(scans)
     for number in range(count):
         one, other = rng.choice(len(scenes), 2, replace=False)
@@ -117,11 +149,15 @@ def other_place_cases(data: Path, count: int, seed: int) -> Iterator[Case]:
             scans[scenes[i]][rng.integers(len(scans[scenes[i]]))] for i in (one, other)
         )
         turn = exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)]))
-        yield from other_place(scenes[one], load_target(), load_source() @ turn.T, number, rng)
+        groups_of_both = [groups[scenes[i]] for i in (one, other)]
+        sensors = [sensor_of(group) for group in groups_of_both]
+        worlds = [world_of(group) for group in groups_of_both]
+        place = Place(scenes[one], pair_name(*worlds), pair_name(*sensors))
+        yield from other_place(place, load_target(), load_source() @ turn.T, number, rng)
 
 
 def other_place(
-    scene: str, target: Cloud, source: Cloud, number: int, rng: np.random.Generator
+    place: Place, target: Cloud, source: Cloud, number: int, rng: np.random.Generator
 ) -> Iterator[Case]:
     """Yield one case of scans of different places; four kinds alternate."""
     start = perturbed(Pose.identity(), 5.0, 180.0, rng)
@@ -136,36 +172,38 @@ def other_place(
     if "both" in kind:
         target = sector(target, rng)
     yield Case(
-        scene=scene, kind=kind, target=target, source=source, truth=None, start=begin,
+        **vars(place), kind=kind, target=target, source=source, truth=None, start=begin,
         methods=methods,
     )  # fmt: skip
 
 
 def simulated_cases(seeds: Sequence[int]) -> Iterator[Case]:
     """Yield cases of one simulated pair per seed, and of scans of two seeds."""
-    previous: Cloud | None = None
+    previous: tuple[Cloud, Place] | None = None
     for seed in seeds:
         rng = np.random.default_rng([seed, 2])
         kind = ("street", "forest", "rugged")[seed % 3]
-        sensor = tuple(SENSORS)[seed // 3 % len(SENSORS)]
+        sensor = _SIMULATED_SENSORS[seed // 3 % len(_SIMULATED_SENSORS)]
         pair = scan_pair(
             kind, sensor, seed, baseline=_BASELINES[seed % len(_BASELINES)], turn=math.pi
         )
         target, source = pair.target.points, pair.source.points
-        scene = f"simulated {kind} {seed}"
+        place = Place(f"simulated {kind} {seed}", kind, sensor)
         tolerance = (MAX_METRES, MAX_DEGREES)
-        yield from _pair_cases(scene, target, source, pair.target_from_source, tolerance, rng)
+        yield from _pair_cases(place, target, source, pair.target_from_source, tolerance, rng)
         if previous is not None:
+            other, there = previous
+            both = Place(place.scene, pair_name(kind, there.world), pair_name(sensor, there.sensor))
             for number in range(4):
-                yield from other_place(scene, target, previous, number, rng)
-        yield _noise_case(scene, target, rng)
-        previous = source
+                yield from other_place(both, target, other, number, rng)
+        yield _noise_case(place, target, rng)
+        previous = source, place
 
 
-def _noise_case(scene: str, target: Cloud, rng: np.random.Generator) -> Case:
+def _noise_case(place: Place, target: Cloud, rng: np.random.Generator) -> Case:
     noise = rng.uniform((-30.0, -30.0, -2.0), (30.0, 30.0, 8.0), (20000, 3))
     return Case(
-        scene=scene, kind="noise", target=target, source=noise, truth=None, start=None,
+        **vars(place), kind="noise", target=target, source=noise, truth=None, start=None,
         methods=("auto", *LOCAL),
     )  # fmt: skip
 
@@ -177,7 +215,7 @@ def look_alike_cases(seeds: Sequence[int]) -> Iterator[Case]:
         name, world = look_alike_world(seed, rng)
         title = f"look-alike, {name}"
         height = 0.0 if name == "tunnel" else 1.2
-        sensor = tuple(SENSORS.values())[seed % len(SENSORS)]()
+        sensor = SENSORS[_SIMULATED_SENSORS[seed % len(_SIMULATED_SENSORS)]]()
         poses = [
             Pose(
                 exp_rotation(np.array([0.0, 0.0, rng.uniform(-math.pi, math.pi)])),
@@ -189,8 +227,8 @@ def look_alike_cases(seeds: Sequence[int]) -> Iterator[Case]:
         truth = poses[0].inverse() @ poses[1]
         for methods, start in ((("auto",), None), (LOCAL, perturbed(truth, 4.0, 45.0, rng))):
             yield Case(
-                scene=title, kind=title, target=target, source=source, truth=truth, start=start,
-                methods=methods,
+                scene=title, kind=title, world=name, sensor=sensor.name, target=target,
+                source=source, truth=truth, start=start, methods=methods,
             )  # fmt: skip
 
 
@@ -223,6 +261,21 @@ def sector(points: Cloud, rng: np.random.Generator) -> Cloud:
     offset = np.abs((azimuth - centre + math.pi) % (2.0 * math.pi) - math.pi)
     inside = points[offset < 0.5 * width]
     return inside if len(inside) > 500 else points
+
+
+def world_of(group: str) -> str:
+    """Return the data set of a group of real pairs, whose scans show one kind of place."""
+    return next(name for name in _REAL_SENSORS if group.startswith(name))
+
+
+def sensor_of(group: str) -> str:
+    """Return the kind of sensor of a group of real pairs."""
+    return _REAL_SENSORS[world_of(group)]
+
+
+def pair_name(one: str, other: str) -> str:
+    """Return the name of a pair of sensors: that of one if both are equal."""
+    return one if one == other else " and ".join(sorted((one, other)))
 
 
 def _scene(group: str) -> str:

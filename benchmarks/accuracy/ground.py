@@ -28,7 +28,7 @@ from scanlock.clouds.point_cloud import PointCloud
 from scanlock.segmentation.ground.finder import GroundDetector, GroundFinder, PublishedGroundFinder
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.scan import simulate_scan
-from scanlock.simulation.sensors import SENSORS
+from scanlock.simulation.sensor_models import SENSORS
 from scanlock.simulation.sequence import SCENES
 
 Answer = Callable[[], np.ndarray]

@@ -1,7 +1,8 @@
 """Registrations of many pairs with known truth: the features, status and error of each pose.
 
     python -m benchmarks.uncertainty.failure_trials trials.npz [--data FOLDER] [--jobs 2]
-        [--seed 0] [--other-places 3000] [--simulated 120] [--look-alike 120] [--peer-every 0]
+        [--seed 0] [--other-places 3000] [--simulated 120] [--look-alike 120] [--repeating 280]
+        [--peer-every 0]
 
 Writes the trials that `probability` reads. Needs more than an hour on two slow cores. Other seeds
 give other simulated scenes and other starts. With ``--peer-every K`` small_gicp, Open3D and
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._common import failure_cases
+from benchmarks._common import failure_cases, repeating_cases
 from benchmarks._common.arguments import add_data, make_parser
 from benchmarks._common.contenders import pose_error
 from benchmarks._common.failure_cases import Case
@@ -58,7 +59,8 @@ def trials_of(case: Case, peers: Sequence[ScoredPeer] = ()) -> Iterator[dict[str
         metres, degrees = WRONG if case.truth is None else pose_error(pose, case.truth)
         is_right = metres <= case.tolerance[0] and degrees <= case.tolerance[1]
         return {
-            "scene": case.scene, "kind": case.kind, "method": method, "metres": metres,
+            "scene": case.scene, "kind": case.kind, "world": case.world, "sensor": case.sensor,
+            "method": method, "metres": metres,
             "degrees": degrees, "right": is_right, "status": status, "vetoed": vetoed,
             "score": score, "features": values,
         }  # fmt: skip
@@ -114,6 +116,7 @@ def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Ca
     for make_cases, count in (
         (failure_cases.simulated_cases, arguments.simulated),
         (failure_cases.look_alike_cases, arguments.look_alike),
+        (repeating_cases.repeating_cases, arguments.repeating),
     ):
         for first in range(0, count, 12):
             seeds = range(first, min(count, first + 12))
@@ -139,7 +142,10 @@ def main() -> None:
     )
     parser.add_argument("--simulated", type=int, default=120, help="simulated scenes")
     parser.add_argument(
-        "--look-alike", type=int, default=120, help="worlds with repeated structure"
+        "--look-alike", type=int, default=120, help="worlds without a single correct pose"
+    )
+    parser.add_argument(
+        "--repeating", type=int, default=280, help="worlds with repeated structure and loose things"
     )
     parser.add_argument("--peer-every", type=int, default=0, help="peers get every K-th case")
     arguments = parser.parse_args()

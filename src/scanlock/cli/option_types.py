@@ -18,7 +18,9 @@ FormatName = Literal[
     "bin", "npy", "npz", "pcd", "ply", "txt", "las", "e57", "ptx", "pts", "vtk", "vtp", "obj"
 ]
 SceneName = Literal["street", "forest", "rugged"]
-SensorName = Literal["hdl-64e", "hdl-32e", "os1-64"]
+SensorName = Literal[
+    "hdl-64e", "hdl-32e", "os1-64", "vlp-16", "vlp-32c", "os1-128", "os0-128", "livox-avia"
+]
 ScannerName = Literal[SensorName, "facet-ladar"]
 
 Flag = Annotated[bool, Parameter(negative="", show_default=False)]

@@ -5,7 +5,8 @@
 - `simulate_scan` scans any `World`, of `boxes`, `cones`, `ellipsoids`, `discs` and `triangles` on a
   `HeightField`.
 - ``ladar_run(seed=1)`` returns range images of a ladar on an off-road vehicle.
-- `scanlock.simulation.scenes.look_alikes` has worlds in which poses are ambiguous.
+- `scanlock.simulation.scenes.look_alikes` has worlds in which poses are ambiguous, and
+  `scanlock.simulation.scenes.repeating` worlds in which only loose things distinguish poses.
 
 The same seed gives the same bytes. What belongs here generates worlds and scans of them; errors
 against the exact poses are computed in `scanlock.evaluation`.
@@ -21,12 +22,24 @@ from scanlock.simulation.objects.mover import Mover
 from scanlock.simulation.objects.shapes import boxes, cones, discs, ellipsoids, triangles
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
+from scanlock.simulation.rig import Mount, Rig, simulate_rig
 from scanlock.simulation.scan import SimulatedScan, simulate_scan
 from scanlock.simulation.scenes.forests import forest, forest_walk
 from scanlock.simulation.scenes.rugged import XUV, rugged, rugged_drive
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.streets import street, street_drive
-from scanlock.simulation.sensors import SENSORS, Sensor, hdl_32e, hdl_64e, os1_64
+from scanlock.simulation.sensor_models import (
+    SENSORS,
+    hdl_32e,
+    hdl_64e,
+    livox_avia,
+    os0_128,
+    os1_64,
+    os1_128,
+    vlp_16,
+    vlp_32c,
+)
+from scanlock.simulation.sensors import Sensor
 from scanlock.simulation.sequence import (
     SCENES,
     SimulatedPair,
@@ -51,9 +64,11 @@ __all__ = [
     "HeightField",
     "LadarScan",
     "LadarSequence",
+    "Mount",
     "Mover",
     "PanTiltMount",
     "RayHits",
+    "Rig",
     "Scene",
     "Sensor",
     "SimulatedPair",
@@ -76,7 +91,10 @@ __all__ = [
     "hdl_32e",
     "hdl_64e",
     "ladar_run",
+    "livox_avia",
+    "os0_128",
     "os1_64",
+    "os1_128",
     "points_from_ranges",
     "ranges_from_points",
     "rugged",
@@ -84,9 +102,12 @@ __all__ = [
     "scan_pair",
     "screw",
     "simulate_frame",
+    "simulate_rig",
     "simulate_scan",
     "street",
     "street_drive",
     "triangles",
     "twist_between",
+    "vlp_16",
+    "vlp_32c",
 ]

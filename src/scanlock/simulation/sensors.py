@@ -1,4 +1,4 @@
-"""Spinning lidars: beam directions, detection range and noise."""
+"""Lidars that sweep rows of beams about their axis: directions, detection range and noise."""
 
 import math
 from dataclasses import dataclass
@@ -15,18 +15,16 @@ from scanlock.errors import (
     require_positive,
 )
 
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-
 _MIN_COSINE = 1e-9
 """Lower bound of cosines and of fading widths, to avoid a division by zero."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sensor:
-    """A spinning multi-beam lidar that rotates clockwise, seen from above.
+    """A multi-beam lidar that sweeps clockwise, seen from above.
 
-    The frame of the sensor has x ahead, y to the left and z up. A sweep begins and ends behind the
-    sensor, so its middle is straight ahead.
+    The frame of the sensor has x ahead, y to the left and z up. The middle of a sweep is straight
+    ahead, so that of a spinning sensor begins and ends behind it.
     """
 
     name: str
@@ -36,9 +34,9 @@ class Sensor:
     azimuth_offsets: tuple[float, ...]
     """Angle of each beam to the left of the firing direction [rad]."""
     azimuth_steps: int
-    """Number of firings per revolution; each fires every beam once."""
+    """Number of firings per sweep; each fires every beam once."""
     rate: float
-    """Revolutions per second [Hz]."""
+    """Sweeps per second [Hz]."""
     min_range: float
     """Minimum range of a return [m]."""
     max_range: float
@@ -54,6 +52,8 @@ class Sensor:
     """Half width of the interval in which detection fades, as a fraction of the detection range."""
     dropout: float = 0.02
     """Ratio of pulses lost independent of the surface."""
+    width: float = 2.0 * math.pi
+    """Angle that a sweep covers [rad]; a full turn for a spinning sensor."""
 
     def __post_init__(self) -> None:
         if len(self.elevations) == 0 or len(self.azimuth_offsets) != len(self.elevations):
@@ -76,6 +76,10 @@ class Sensor:
         require_at_least("grazing", self.grazing, 0.0)
         require_fraction("fading", self.fading)
         require_fraction("dropout", self.dropout)
+        if not 0.0 < self.width <= 2.0 * math.pi:
+            raise InvalidInput(
+                f"width must be an angle above 0 and up to a full turn, got {self.width} rad"
+            )
 
     @property
     def beams(self) -> int:
@@ -93,7 +97,7 @@ class Sensor:
 
     def directions(self) -> Points:
         """Return the (azimuth_steps * beams, 3) unit vectors of a sweep in order of firing."""
-        heading = np.pi - 2.0 * np.pi * np.arange(self.azimuth_steps) / self.azimuth_steps
+        heading = 0.5 * self.width - self.width * np.arange(self.azimuth_steps) / self.azimuth_steps
         azimuth = heading[:, None] + np.array(self.azimuth_offsets)
         elevation = np.broadcast_to(np.array(self.elevations), azimuth.shape)
         return unit_vectors(azimuth, elevation).reshape(-1, 3)
@@ -118,74 +122,6 @@ class Sensor:
         return np.where(in_range, probability * (1.0 - self.dropout), 0.0)
 
 
-def hdl_64e() -> Sensor:
-    """Return a Velodyne HDL-64E: 64 beams in two blocks, +2 to -24.8 degrees, 120 m.
-
-    Returns
-    -------
-    Sensor
-    """
-    upper = np.linspace(2.0, 2.0 - 31.0 / 3.0, 32)
-    lower = np.linspace(-8.83, -24.8, 32)
-    elevations = np.concatenate([upper, lower])
-    # Calibrated angles deviate from nominal ones by a few hundredths of a degree.
-    elevations[1:-1] += 0.08 * (_scatter(62) - 0.5)
-    # Neighbouring beams are in different columns of the optical block.
-    offsets = np.tile([-0.06, 0.02, -0.02, 0.06], 16)
-    return Sensor(
-        name="hdl_64e",
-        elevations=_radians(elevations),
-        azimuth_offsets=_radians(offsets),
-        azimuth_steps=2083,
-        rate=10.0,
-        min_range=0.9,
-        max_range=120.0,
-        range_noise=0.02,
-    )
-
-
-def hdl_32e() -> Sensor:
-    """Return a Velodyne HDL-32E: 32 beams, +10.67 to -30.67 degrees, 70 m.
-
-    Returns
-    -------
-    Sensor
-    """
-    return Sensor(
-        name="hdl_32e",
-        elevations=_radians(np.linspace(10.67, -30.67, 32)),
-        azimuth_offsets=(0.0,) * 32,
-        azimuth_steps=2170,
-        rate=10.0,
-        min_range=1.0,
-        max_range=70.0,
-        range_noise=0.02,
-    )
-
-
-def os1_64() -> Sensor:
-    """Return an Ouster OS1-64: 64 beams over +-16.6 degrees in four staggered columns, 120 m.
-
-    Returns
-    -------
-    Sensor
-    """
-    return Sensor(
-        name="os1_64",
-        elevations=_radians(np.linspace(16.6, -16.6, 64)),
-        azimuth_offsets=_radians(np.tile([3.16, 1.05, -1.05, -3.16], 16)),
-        azimuth_steps=1024,
-        rate=10.0,
-        min_range=0.8,
-        max_range=120.0,
-        range_noise=0.03,
-    )
-
-
-SENSORS = {"hdl_64e": hdl_64e, "hdl_32e": hdl_32e, "os1_64": os1_64}
-"""Functions that return the sensors, by name."""
-
-
 def unit_vectors(
     azimuths: NDArray[np.float64], elevations: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -194,12 +130,3 @@ def unit_vectors(
     return np.stack(
         [horizontal * np.cos(azimuths), horizontal * np.sin(azimuths), np.sin(elevations)], axis=-1
     )
-
-
-def _scatter(count: int) -> Vector:
-    """Return fixed, evenly distributed numbers in [0, 1)."""
-    return (np.arange(1, count + 1, dtype=np.float64) * _GOLDEN) % 1.0
-
-
-def _radians(degrees: Vector) -> tuple[float, ...]:
-    return tuple(float(angle) for angle in np.radians(degrees))

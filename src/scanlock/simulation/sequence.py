@@ -16,7 +16,8 @@ from scanlock.simulation.scenes.forests import forest, forest_walk
 from scanlock.simulation.scenes.rugged import rugged, rugged_drive
 from scanlock.simulation.scenes.scene import Scene
 from scanlock.simulation.scenes.streets import street, street_drive
-from scanlock.simulation.sensors import SENSORS, Sensor
+from scanlock.simulation.sensor_models import SENSORS
+from scanlock.simulation.sensors import Sensor
 from scanlock.simulation.world import World
 
 _Maker = TypeVar("_Maker")
@@ -139,7 +140,7 @@ def scan_pair(
     scene : str or Scene
         "street", "forest" or "rugged", generated from the seed; or a given scene.
     sensor : str or Sensor
-        "hdl_64e", "hdl_32e" or "os1_64", or a custom sensor.
+        A key of `SENSORS`, such as "hdl_64e", or a custom sensor.
     seed : int
         Seed of the scene (if it is given by name), the positions and the noise.
     baseline : (2,) [m]

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from scanlock.errors import InvalidInput
-from scanlock.simulation.sensors import SENSORS, hdl_32e, hdl_64e, os1_64
+from scanlock.simulation import (
+    SENSORS,
+    hdl_32e,
+    hdl_64e,
+    livox_avia,
+    os0_128,
+    os1_64,
+    os1_128,
+    vlp_16,
+    vlp_32c,
+)
 
 
 def test_the_hdl_64e_has_two_blocks_of_beams():
@@ -21,17 +31,68 @@ def test_the_hdl_64e_has_two_blocks_of_beams():
 
 @pytest.mark.parametrize(
     ("sensor", "beams", "top", "bottom"),
-    [(hdl_32e(), 32, 10.67, -30.67), (os1_64(), 64, 16.6, -16.6)],
+    [
+        (hdl_32e(), 32, 10.67, -30.67),
+        (os1_64(), 64, 16.6, -16.6),
+        (vlp_16(), 16, 15.0, -15.0),
+        (os1_128(), 128, 22.5, -22.5),
+        (os0_128(), 128, 45.0, -45.0),
+        (livox_avia(), 400, 38.6, -38.6),
+    ],
 )
 def test_evenly_spaced_sensors_span_their_field_of_view(sensor, beams, top, bottom):
     degrees = np.degrees(sensor.elevations)
     np.testing.assert_allclose(degrees, np.linspace(top, bottom, beams), atol=1e-9)
 
 
+def test_the_vlp_32c_has_dense_beams_near_the_horizon():
+    degrees = np.degrees(vlp_32c().elevations)
+    assert (len(degrees), degrees[0], degrees[-1]) == (32, pytest.approx(15), pytest.approx(-25))
+    assert (np.diff(degrees) < 0).all()
+    dense = np.diff(degrees[(degrees < 2) & (degrees > -4.1)])
+    np.testing.assert_allclose(dense, -1 / 3, atol=1e-3)
+    offsets, counts = np.unique(np.degrees(vlp_32c().azimuth_offsets).round(3), return_counts=True)
+    assert dict(zip(offsets.tolist(), counts.tolist(), strict=True)) == {
+        -4.2: 5, -1.4: 11, 1.4: 11, 4.2: 5,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sensor", "points_per_second", "far"),
+    [
+        (vlp_16(), 288_000, 100.0),
+        (vlp_32c(), 576_000, 200.0),
+        (os1_128(), 1_310_720, 120.0),
+        (os0_128(), 1_310_720, 50.0),
+        (livox_avia(), 240_000, 190.0),
+    ],
+)
+def test_pulses_and_range_are_those_of_the_data_sheet(sensor, points_per_second, far):
+    assert sensor.beams * sensor.azimuth_steps * sensor.rate == points_per_second
+    assert sensor.max_range == far
+    assert sensor.detection(np.array([far + 1.0]), np.ones(1))[0] == 0.0
+
+
+def test_a_sweep_of_part_of_a_turn_is_centred_straight_ahead():
+    sensor = livox_avia()
+    beams = sensor.directions()
+    azimuth = np.degrees(np.arctan2(beams[:, 1], beams[:, 0]))
+    step = 70.4 / sensor.azimuth_steps
+    assert (azimuth[0], azimuth[-1]) == pytest.approx((35.2, -35.2 + step))
+    assert np.median(azimuth) == pytest.approx(0.5 * step)
+
+
+_SPINNING = sorted(set(SENSORS) - {"livox_avia"})
+
+
 @pytest.mark.parametrize("name", sorted(SENSORS))
+def test_a_sensor_has_the_name_of_its_function(name):
+    assert SENSORS[name]().name == name
+
+
+@pytest.mark.parametrize("name", _SPINNING)
 def test_a_sweep_is_one_clockwise_revolution_that_begins_behind(name):
     sensor = SENSORS[name]()
-    assert sensor.name == name
     beams = sensor.directions().reshape(sensor.azimuth_steps, sensor.beams, 3)
     np.testing.assert_allclose(np.linalg.norm(beams, axis=2), 1.0, rtol=1e-12)
     np.testing.assert_allclose(
@@ -85,6 +146,8 @@ def test_detection_without_fading_is_a_step():
         ({"grazing": -0.1}, "grazing must be at least"),
         ({"fading": 2.0}, "fading must lie between 0 and 1"),
         ({"dropout": -0.1}, "dropout must lie between 0 and 1"),
+        ({"width": 0.0}, "width must be an angle above 0 and up to a full turn, got 0.0 rad"),
+        ({"width": 7.0}, "width must be an angle above 0 and up to a full turn, got 7.0 rad"),
     ],
 )
 def test_sensor_settings_out_of_range_are_refused(change, message):

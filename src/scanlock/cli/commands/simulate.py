@@ -49,7 +49,7 @@ def simulate(
     output : Path
         Folder for the scans; it must not contain scans yet.
     sensor : str
-        A spinning lidar, or the forward-looking facet ladar.
+        A lidar that sweeps rows of beams, or the forward-looking facet ladar.
     scans : int
         Number of scans.
     every : int

@@ -8,8 +8,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from scanlock.arrays import Vector
-from scanlock.simulation.objects.shapes import boxes, cones, triangles
+from scanlock.simulation.objects.shapes import blocks, cones, triangles
 from scanlock.simulation.objects.surface_class import SurfaceClass
 from scanlock.simulation.objects.surfaces import Surfaces
 
@@ -227,10 +226,4 @@ def _side_wing(rng: np.random.Generator, width: float, depth: float) -> Surfaces
 
 
 def _blocks(spans: list[_Span], loss: float = 0.0) -> Surfaces:
-    """Return axis-aligned boxes; blocks without thickness are omitted."""
-    corners = np.array(spans, np.float64)
-    low: Vector = corners[:, ::2]
-    high: Vector = corners[:, 1::2]
-    solid = (high > low).all(axis=1)
-    half = 0.5 * (high - low)[solid]
-    return boxes(low[solid] + half, half, SurfaceClass.BUILDING, loss=loss)
+    return blocks(spans, SurfaceClass.BUILDING, loss=loss)

@@ -8,6 +8,8 @@ All functions raise `InvalidInput` for sizes that are not positive, coordinates 
 or a loss outside of [0, 1].
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -44,6 +46,33 @@ def boxes(
     """
     _require_positive("half_sizes", half_sizes)
     return _surfaces(BOX, centres, half_sizes, label, rotations, loss)
+
+
+def blocks(
+    spans: Sequence[tuple[float, float, float, float, float, float]],
+    label: SurfaceClass,
+    *,
+    loss: float = 0.0,
+) -> Surfaces:
+    """Return axis-aligned boxes between two corners; blocks without thickness are omitted.
+
+    Parameters
+    ----------
+    spans : sequence of tuple [m]
+        Low and high x, low and high y, low and high z of each block.
+    label, loss
+        As for `boxes`.
+
+    Returns
+    -------
+    Surfaces
+        One surface per block with a thickness.
+    """
+    corners = np.array(spans, np.float64).reshape(-1, 6)
+    low, high = corners[:, ::2], corners[:, 1::2]
+    solid = (high > low).all(axis=1)
+    half = 0.5 * (high - low)[solid]
+    return boxes(low[solid] + half, half, label, loss=loss)
 
 
 def ellipsoids(

@@ -16,7 +16,7 @@ from scanlock.simulation.terrain.height_field import HeightField
 from scanlock.simulation.world import World
 
 _HALF_LENGTH = 300.0
-"""Half length of worlds that represent endless ones [m]; sensors have a range of 120 m."""
+"""Half length of worlds that represent endless ones [m]; sensors see up to 200 m."""
 
 
 def open_field() -> World:
@@ -68,9 +68,7 @@ def terrace(spacing: float = 8.0, street: float = 12.0) -> World:
 
 
 def _floor() -> HeightField:
-    return HeightField(
-        np.zeros((2, 2)), np.array([-_HALF_LENGTH, -_HALF_LENGTH]), 2.0 * _HALF_LENGTH
-    )
+    return HeightField.level(_HALF_LENGTH)
 
 
 def _boxes(parts: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> Surfaces:

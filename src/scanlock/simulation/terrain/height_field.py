@@ -55,6 +55,12 @@ class HeightField:
             object.__setattr__(self, name, array)
 
     @classmethod
+    def level(cls, half_side: float) -> "HeightField":
+        """Return level ground at z = 0, a square about the origin with half the side [m] given."""
+        require_positive("half_side", half_side, unit="m")
+        return cls(np.zeros((2, 2)), np.array([-half_side, -half_side]), 2.0 * half_side)
+
+    @classmethod
     def sampled(
         cls,
         height: Callable[[Matrix], Vector],
