@@ -25,9 +25,9 @@ from benchmarks._common.trials import Trial, run_trial
 from benchmarks._common.turned_pairs import headings, tolerance_of
 from scanlock.geometry.pose import Pose
 from scanlock.registration.methods.auto.auto import Auto
+from scanlock.registration.methods.auto.multi_start import MultiStart
 from scanlock.registration.methods.coarse_to_fine import DEFAULT_SCALES
 from scanlock.registration.methods.fine_ndt import FineNdt
-from scanlock.registration.methods.auto.multi_start import MultiStart
 from scanlock.registration.search.bev_correlation import BevSearch
 
 _FULL = Auto()
