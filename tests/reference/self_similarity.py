@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 
-def plan_view(columns, half, merged, max_bins):
+def view_from_above(columns, half, merged, max_bins):
     """Number of height bins occupied in a square of columns, at most `max_bins`."""
     first, side = len(columns) // 2 - half, 2 * half // merged
     view = np.zeros((side, side))

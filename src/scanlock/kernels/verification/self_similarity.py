@@ -10,7 +10,7 @@ from scanlock.kernels._compile import helper, kernel
 
 
 @kernel
-def plan_view(
+def view_from_above(
     columns: NDArray[np.uint64], half: int, merged: int, max_bins: int
 ) -> NDArray[np.float32]:
     """Return the numbers of occupied height bins of the columns around the axis, seen from above.

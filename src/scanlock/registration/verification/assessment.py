@@ -11,9 +11,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.agreement import candidate_at
 from scanlock.registration.verification.candidate import Candidate, agreement_ratio
 from scanlock.registration.verification.features import VerificationFeatures
-from scanlock.registration.verification.landmark_odds import DECISIVE_LOG_ODDS, landmark_log_odds
 from scanlock.registration.verification.local_planes import concatenated
 from scanlock.registration.verification.metrics import Metrics
+from scanlock.registration.verification.object_odds import DECISIVE_LOG_ODDS, object_log_odds
 from scanlock.registration.verification.observability import DirectionObservability, Observability
 from scanlock.registration.verification.overlap import shifted_score_ratio
 from scanlock.registration.verification.refinement import refine_pose
@@ -37,7 +37,7 @@ class Assessment:
         without a search.
     shifted_score_ratio : float
         Best score of the source shifted along its least constrained directions, divided by the
-        score at the pose; 0 if the landmarks rule out such places, NaN if unknown.
+        score at the pose; 0 if the low objects exclude such places, NaN if unknown.
     scale_difference : tuple of float
         Relative difference of scale of the scans, and its standard deviation; NaN if unknown.
     overlap_centroid : (3,) or None [m]
@@ -95,10 +95,10 @@ def assess_pose(
     refinement = refine_pose(target, source, pose)
     observability = refinement.observability
     similarity, periods = common_periods(target.self_similarity, source.self_similarity, pose)
-    log_odds = landmark_log_odds(target, source, pose, periods)
+    log_odds = object_log_odds(target, source, pose, periods)
     axes = [] if observability is None else [one.axis for one in observability.directions[:2]]
     shifted = (
-        # Landmarks tell the place from displaced ones, without the cost of the scores there.
+        # The objects exclude displaced places, without the cost of the scores there.
         [0.0]
         if log_odds >= DECISIVE_LOG_ODDS
         else [
@@ -120,7 +120,7 @@ def assess_pose(
             refinement_shift=refinement.refinement_shift,
             free_space_violation=chosen.free_space_violation,
             runner_up_ratio=_max_known([agreement_ratio(candidates), *shifted]),
-            landmark_log_odds=log_odds,
+            object_log_odds=log_odds,
             self_similarity=similarity,
         ),
         observability=observability,

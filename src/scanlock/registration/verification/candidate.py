@@ -15,7 +15,7 @@ MAX_FREE_SPACE_VIOLATION = 0.15
 Correct poses of 238 real pairs have up to 0.14."""
 
 MAX_RULED_OUT = 0.3
-"""Probability below which a candidate is no rival of another."""
+"""Probability below which a candidate does not count as a runner-up."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,7 +42,7 @@ class Candidate:
         if unknown.
     probability : float
         Probability that the pose is right, by its own verification and the prior; NaN if the pose
-        was not verified, as nothing else has a similar score.
+        was not verified, because no other pose has a similar score.
     """
 
     target_from_source: Pose
@@ -70,7 +70,7 @@ class Candidate:
 
     @property
     def is_ruled_out(self) -> bool:
-        """Whether the verification finds the pose wrong, so that it is no rival of another."""
+        """Whether the verification of the pose itself makes it improbable."""
         return self.probability < MAX_RULED_OUT
 
     def with_pose(self, pose: Pose) -> "Candidate":

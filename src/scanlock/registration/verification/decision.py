@@ -98,8 +98,8 @@ def decide_status(
             f"{facts}, but the scales of the scans differ by about {abs(difference):.1%}; check "
             "the units and the calibration"
         )
-    if rival := _rival(solution, length_scale):
-        return Status.AMBIGUOUS, f"{facts}, but {rival}; compare the candidates, or pass prior="
+    if other := _other_pose(solution, length_scale):
+        return Status.AMBIGUOUS, f"{facts}, but {other}; compare the candidates, or pass prior="
     if (
         assessment.runner_up_ratio > MAX_RUNNER_UP_RATIO
         or assessment.shifted_score_ratio > MAX_SHIFTED_SCORE_RATIO
@@ -111,19 +111,19 @@ def decide_status(
     return Status.OK, f"{facts}, probability {probability:.3f}"
 
 
-def _rival(solution: Solution, length_scale: float) -> str:
+def _other_pose(solution: Solution, length_scale: float) -> str:
     """Describe the most probable other pose that would be verified; empty if there is none."""
     candidates: Sequence[Candidate] = solution.candidates
     metres, radians = _MIN_SEPARATION
-    rivals = [
+    others = [
         one
         for one in candidates[1:]
         if one.probability >= MIN_PROBABILITY
         and not one.target_from_source.is_close(solution.pose, translation=metres, rotation=radians)
     ]
-    if not rivals:
+    if not others:
         return ""
-    best = max(rivals, key=lambda one: one.probability)
+    best = max(others, key=lambda one: one.probability)
     distance, angle = best.target_from_source.distance(solution.pose)
     return (
         f"another pose has the probability {best.probability:.2f} too, "

@@ -11,8 +11,8 @@ from scanlock.registration.verification.cluster_constraints import (
     ClusterConstraints,
     cluster_constraints,
 )
-from scanlock.registration.verification.landmarks import Landmarks, find_landmarks
 from scanlock.registration.verification.local_planes import LocalPlaneFitter, LocalPlanes
+from scanlock.registration.verification.low_objects import LowObjects, find_low_objects
 from scanlock.registration.verification.overlap import self_score
 from scanlock.registration.verification.range_image import RangeImage, RangeImager
 from scanlock.registration.verification.self_similarity import SelfSimilarity
@@ -62,7 +62,7 @@ class VerificationFeatures:
     cluster_constraints : ClusterConstraints
         Information on the pose from the clusters; none from voxels, whose boundaries depend on
         the grid.
-    landmarks : Landmarks
+    low_objects : LowObjects
         Low objects of the scan.
     self_similarity : SelfSimilarity
         Autocorrelation of the view from above of the scan.
@@ -78,7 +78,7 @@ class VerificationFeatures:
     roughness: float
     notes: tuple[str, ...]
     cluster_constraints: ClusterConstraints
-    landmarks: Landmarks
+    low_objects: LowObjects
     self_similarity: SelfSimilarity
     self_score: float = field(init=False)
 
@@ -121,7 +121,7 @@ def features_from_clusters(
         constraints = ClusterConstraints.unconstrained()
         notes = (*notes, f"too few clusters: verified with {len(gaussians)} voxel Gaussians")
     fitter = _plane_fitter(cloud)
-    landmarks = find_landmarks(clusters)
+    low_objects = find_low_objects(clusters)
     cell_list, query_points = fitter.cell_list(cloud), fitter.query_points(cloud)
     return VerificationFeatures(
         cloud=cloud,
@@ -132,8 +132,8 @@ def features_from_clusters(
         roughness=fitter.fit(cell_list, query_points).rmse,
         notes=notes,
         cluster_constraints=constraints,
-        landmarks=landmarks,
-        self_similarity=SelfSimilarity.of(landmarks.occupied),
+        low_objects=low_objects,
+        self_similarity=SelfSimilarity.of(low_objects.occupied),
     )
 
 

@@ -54,10 +54,10 @@ class Metrics:
         better; 1 is a tie. Other poses are the candidates of a search, compared by overlap, score
         and plausibility. They are also the source shifted by 0.75 to 10 m along the two least
         constrained translations, compared by score.
-    landmark_log_odds : float
-        Log odds of this place against others that look alike, by low objects (landmarks) that the
-        other scan meets or looks through. Higher is better: streets have 15 to 100, scenes
-        without landmarks 0. NaN if no frame has its origin at the sensor.
+    object_log_odds : float
+        Log odds of this place against look-alikes, by low objects that the other scan confirms or
+        that are in its free space. Higher is better: streets have 15 to 100, scenes without such
+        objects 0. NaN if no frame has its origin at the sensor.
     self_similarity : float
         Largest correlation of the view from above of both scans with themselves displaced by a
         period of 1.5 to 20 m, in [0, 1]; 0 without periods. Colonnades and car parks have 0.5 and
@@ -74,7 +74,7 @@ class Metrics:
     refinement_shift: float = math.nan
     free_space_violation: float = math.nan
     runner_up_ratio: float = math.nan
-    landmark_log_odds: float = math.nan
+    object_log_odds: float = math.nan
     self_similarity: float = math.nan
 
     __repr__ = short_repr

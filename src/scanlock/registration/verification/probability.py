@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from scanlock.arrays import Vector
-from scanlock.registration.verification.landmark_odds import MAX_LOG_ODDS
 from scanlock.registration.verification.metrics import Metrics
+from scanlock.registration.verification.object_odds import MAX_LOG_ODDS
 from scanlock.registration.verification.observability import DirectionObservability
 
 FEATURES = (
@@ -22,7 +22,7 @@ FEATURES = (
     "log of rotation deviation",
     "log of runner-up margin",
     "degenerate",
-    "landmark log odds",
+    "object log odds",
 )
 """Names of the features of the model, in the order of `WEIGHTS`; see `features`."""
 
@@ -61,7 +61,7 @@ def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability])
             _log(_known(rotation_deviation, 0.03), 0.0003, 0.03),
             math.log(1.0 + _MIN_MARGIN - min(runner_up_ratio, 1.0)),
             float(any(one.is_degenerate for one in directions)),
-            min(MAX_LOG_ODDS, max(-MAX_LOG_ODDS, _known(metrics.landmark_log_odds, 0.0))),
+            min(MAX_LOG_ODDS, max(-MAX_LOG_ODDS, _known(metrics.object_log_odds, 0.0))),
         ]
     )
 

@@ -1,7 +1,7 @@
-"""Self-similarity of a scan: its view from above compared with itself displaced.
+"""Self-similarity of a scan: the correlation of its view from above with itself displaced.
 
-The rows of a car park, the columns of an arcade and the trees of an avenue match themselves one
-period away. There a pose may be wrong by a period although the scans agree.
+The rows of a car park, the columns of an arcade and the trees of an avenue correlate with
+themselves one period away. A pose may be off by a period although the scans agree.
 """
 
 import math
@@ -17,9 +17,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.kernels.verification.self_similarity import (
     common_correlation,
     peaks_above,
-    plan_view,
+    view_from_above,
 )
-from scanlock.registration.verification.landmarks import OccupiedColumns
+from scanlock.registration.verification.low_objects import OccupiedColumns
 
 _HALF_SIDE = 24.0
 """Half side of the view from above [m]."""
@@ -28,7 +28,7 @@ _CELL_SIZE = 0.4
 """Side of its cells [m]."""
 
 _MAX_BINS = 12
-"""Height bins of a cell from which on it counts no more: facades must not outweigh all else."""
+"""Maximum number of height bins of a cell: facades must not dominate."""
 
 _MIN_SHIFT, _MAX_SHIFT = 1.5, 20.0
 """Length of a period [m]."""
@@ -72,7 +72,7 @@ class SelfSimilarity:
         """Compute the self-similarity of a scan from its occupied columns."""
         half = round(_HALF_SIDE / occupied.cell_size)
         merged = round(_CELL_SIZE / occupied.cell_size)
-        view = plan_view(occupied.columns, half, merged, _MAX_BINS)
+        view = view_from_above(occupied.columns, half, merged, _MAX_BINS)
         steps = round(_MAX_SHIFT / _CELL_SIZE)
         size = len(view) + steps
         # The stubs of SciPy do not know the types of its transforms.

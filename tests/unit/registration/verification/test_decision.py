@@ -158,7 +158,7 @@ def test_the_agreement_ratio_compares_the_runner_up_with_the_best():
     assert np.isnan(agreement_ratio([_candidate(score=0.0)]))
 
 
-def _rival(metres, degrees, probability):
+def _other(metres, degrees, probability):
     angle = math.radians(degrees)
     pose = Pose.from_step(np.array([metres, 0.0, 0.0, 0.0, 0.0, angle]))
     return Candidate(
@@ -177,8 +177,8 @@ def _rival(metres, degrees, probability):
         (4.0, 0.0, math.nan, Status.OK),
     ],
 )
-def test_another_verified_pose_is_a_rival(metres, degrees, probability, expected):
-    candidates = (_rival(0.0, 0.0, 0.99), _rival(metres, degrees, probability))
+def test_another_verified_pose_is_a_other(metres, degrees, probability, expected):
+    candidates = (_other(0.0, 0.0, 0.99), _other(metres, degrees, probability))
     solution = replace(_solution(), candidates=candidates)
     status, sentence = decide_status(solution, _assessment(), 0.99)
     assert status is expected

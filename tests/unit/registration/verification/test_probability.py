@@ -19,12 +19,12 @@ from scanlock.registration.verification.probability import (
 _GOOD = {
     "overlap": 0.95, "target_overlap": 0.9, "score": 0.7, "inlier_rmse": 0.05, "roughness": 0.05,
     "outlier_ratio": 0.1, "fitness": 0.6, "refinement_shift": 0.02, "free_space_violation": 0.02,
-    "runner_up_ratio": 0.2, "landmark_log_odds": 12.0, "self_similarity": 0.3,
+    "runner_up_ratio": 0.2, "object_log_odds": 12.0, "self_similarity": 0.3,
 }  # fmt: skip
 _BAD = {
     **_GOOD, "overlap": 0.3, "target_overlap": 0.3, "score": 0.15, "inlier_rmse": 0.2,
     "outlier_ratio": 0.6, "refinement_shift": 0.2, "free_space_violation": 0.3,
-    "runner_up_ratio": 0.9, "landmark_log_odds": -20.0, "self_similarity": 0.6,
+    "runner_up_ratio": 0.9, "object_log_odds": -20.0, "self_similarity": 0.6,
 }  # fmt: skip
 
 
@@ -72,7 +72,7 @@ def test_any_metrics_give_a_number_between_zero_and_one(values, has_directions):
     [
         ("outlier_ratio", 0.1, 0.6), ("free_space_violation", 0.0, 0.3),
         ("refinement_shift", 0.01, 0.2), ("roughness", 0.2, 0.03), ("runner_up_ratio", 0.2, 0.95),
-        ("landmark_log_odds", 4.0, -5.0),
+        ("object_log_odds", 4.0, -5.0),
     ],
 )  # fmt: skip
 def test_better_metrics_are_more_probable(name, better, worse):

@@ -10,13 +10,13 @@ from reference import self_similarity as reference
 from scanlock.arrays import read_only
 from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.verification.landmarks import occupied_columns
+from scanlock.kernels.verification.low_objects import occupied_columns
 from scanlock.kernels.verification.self_similarity import (
     common_correlation,
     peaks_above,
-    plan_view,
+    view_from_above,
 )
-from scanlock.registration.verification.landmarks import OccupiedColumns
+from scanlock.registration.verification.low_objects import OccupiedColumns
 from scanlock.registration.verification.self_similarity import SelfSimilarity, common_periods
 
 
@@ -39,8 +39,8 @@ def test_the_view_from_above_matches_the_definition():
     rng = np.random.default_rng(0)
     columns = occupied_columns(read_only(rng.normal(0, 2.0, (800, 3))), read_only(np.eye(3)),
                                -6.0, 0.2, 60)  # fmt: skip
-    found = plan_view(read_only(columns), 24, 2, 3)
-    np.testing.assert_array_equal(found, reference.plan_view(columns, 24, 2, 3))
+    found = view_from_above(read_only(columns), 24, 2, 3)
+    np.testing.assert_array_equal(found, reference.view_from_above(columns, 24, 2, 3))
     assert found.max() == 3
 
 
@@ -48,7 +48,7 @@ def test_the_autocorrelation_matches_the_definition():
     points = _posts(6.0) + np.random.default_rng(1).normal(0.0, 0.1, (1, 3))
     similarity = _similarity(points)
     columns = occupied_columns(read_only(points), read_only(np.eye(3)), -2.0, 0.2, 400)
-    view = reference.plan_view(columns, 120, 2, 12)
+    view = reference.view_from_above(columns, 120, 2, 12)
     expected = reference.autocorrelation(view, 50)
     np.testing.assert_allclose(similarity.correlation, expected, atol=1e-5)
 

@@ -4,6 +4,7 @@
 - `data`: data of a prepared scan and of a pair.
 - `multi_start`: `MultiStart`, D2D refinement of many hypotheses.
 - `ranking`: scores of the refined poses, and their order.
+- `similar_poses`: hypotheses one period or half a turn from a pose.
 - `judgement`: choice among poses with similar scores, by the verification.
 
 Searches belong to `scanlock.registration.search`, the verification of a pose to

@@ -27,7 +27,7 @@ from scanlock.registration.methods.auto.ranking import (
     runner_up_ratio,
     score_pose,
 )
-from scanlock.registration.methods.auto.rivals import rival_hypotheses
+from scanlock.registration.methods.auto.similar_poses import similar_hypotheses
 from scanlock.registration.methods.fine_ndt import FineNdt
 from scanlock.registration.methods.protocol import InsufficientData, Method, PreparationLog
 from scanlock.registration.methods.sgc_ndt import SgcNdt
@@ -172,8 +172,8 @@ class Auto(Method[AutoData]):
             refined, further_history = self._refine(pair, hypotheses, identity, "identity")
             ranked = self._rank(pair, refined, ranked)
             history += further_history
-        rivals, further_history = self._refine_rivals(pair, ranked[0])
-        ranked = judged_poses(pair, self._rank(pair, rivals, ranked))
+        similar, further_history = self._refine_similar(pair, ranked[0])
+        ranked = judged_poses(pair, self._rank(pair, similar, ranked))
         history += further_history
         best = self._refine_sparsely(pair, ranked[0])
         history += () if best is ranked[0] else best.solution.history
@@ -242,13 +242,13 @@ class Auto(Method[AutoData]):
             refined += self._refine_start(pair, start, proposed_by, refined)
         return refined, history + tuple(step for one in refined for step in one.solution.history)
 
-    def _refine_rivals(
+    def _refine_similar(
         self, pair: AutoPair, best: ScoredPose
     ) -> tuple[list[RefinedHypothesis], tuple[Iteration, ...]]:
-        """Refine the poses that may look like the best one; see `rival_hypotheses`."""
+        """Refine the poses similar to the best one; see `similar_hypotheses`."""
         if best.solution.reason is StopReason.EMPTY_OBJECTIVE or not pair.both_have_clusters:
             return [], ()
-        return self._refine(pair, rival_hypotheses(pair, best.solution.pose), None, "")
+        return self._refine(pair, similar_hypotheses(pair, best.solution.pose), None, "")
 
     def _refine_start(
         self, pair: AutoPair, start: Pose, proposed_by: str, known: list[RefinedHypothesis]

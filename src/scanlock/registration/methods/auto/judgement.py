@@ -15,8 +15,8 @@ _MIN_SCORE_RATIO = 0.3
 one pose is above it, which needs no judgement. A colonnade scores 0.6 one period away."""
 
 _INITIAL_PREFERENCE = 2.0
-"""Log odds by which another pose must exceed that of the initial pose. Those of two poses that look
-alike differ by about one."""
+"""Log odds by which another pose must exceed that of the initial pose. Those of two look-alikes
+differ by about one."""
 
 _MAX_JUDGED = 5
 """Maximum number of poses that are judged."""

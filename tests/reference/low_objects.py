@@ -1,4 +1,4 @@
-"""Landmarks and their sightings by definition, one point and one voxel at a time."""
+"""Low objects and occupied columns by definition, one point and one voxel at a time."""
 
 import itertools
 import math
@@ -46,7 +46,7 @@ def occupied_bins(points, rotation, base, cell, side):
     return {tuple(map(int, one)) for one in bins[inside]}
 
 
-def is_met(bins, rotation, base, cell, side, reach, point):
+def is_near(bins, rotation, base, cell, side, reach, point):
     """Whether the centre of an occupied bin is within reach."""
     offset = np.array([0.5 - side // 2, 0.5 - side // 2, 0.5])
     centres = (np.array(sorted(bins)) + offset) * cell + [0.0, 0.0, base]

@@ -1,7 +1,7 @@
-"""Landmarks: low objects of a scan, by which a place is told from others that look alike.
+"""Low objects of a scan, which distinguish a place from look-alikes.
 
-Walls, columns and floors repeat; cars, bins, pallets and bushes stand where they stand. A landmark
-that the other scan meets supports a pose. A landmark that it looks through contradicts the pose.
+Walls, columns and floors repeat; cars, bins, pallets and bushes hardly do. An object that the other
+scan measured too supports a pose. An object in the free space of the other scan contradicts it.
 """
 
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from scanlock.arrays import Labels, Mask, Matrix, Points, Vector, frozen, read_only, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import rotation_onto_z
-from scanlock.kernels.verification.landmarks import (
+from scanlock.kernels.verification.low_objects import (
     joined_voxels,
     low_voxels,
-    met_points,
+    near_obstacles,
     occupied_columns,
 )
 from scanlock.segmentation.cluster_gaussians import ClusterGaussians
 from scanlock.segmentation.ground.finder import Ground, GroundStatus
 
 _MIN_RANGE, _MAX_RANGE = 2.5, 30.0
-"""Range of the points of landmarks [m]. Nearer points may be of the vehicle or of the person that
+"""Range of the points of low objects [m]. Nearer points may be of the vehicle or of the person that
 carries the sensor; farther objects have few points."""
 
 _MIN_HEIGHT = 0.35
@@ -32,23 +32,23 @@ _VOXEL_SIZE = 0.3
 """Side of a voxel [m]."""
 
 _LOW_LAYERS, _LAYERS = 5, 8
-"""Layers of voxels of landmarks, up to 1.85 m, and of all that is looked at, up to 2.75 m. What is
-higher than 1.85 m is structure: it repeats in buildings and rows of trees."""
+"""Layers of voxels of low objects, up to 1.85 m, and of all points used, up to 2.75 m. Objects
+higher than 1.85 m are structure, which repeats in buildings and rows of trees."""
 
 _MIN_POINTS = 2
 """Minimum number of points of a voxel."""
 
 _MIN_VOXELS = 4
-"""Minimum number of voxels of a landmark."""
+"""Minimum number of voxels of an object."""
 
 _MIN_LENGTH, _MAX_LENGTH = 0.3, 7.0
-"""Length of a landmark along an axis [m]. Longer ones are kerbs, hedges and walls."""
+"""Length of an object along an axis [m]. Longer ones are kerbs, hedges and walls."""
 
 _CELL_SIZE = 0.2
 """Side of an occupied column and of its height bins [m]."""
 
 _COLUMNS = 400
-"""Columns along each side: 40 m on either side of the sensor, beyond the range of landmarks."""
+"""Columns along each side: 40 m on either side of the sensor, beyond the range of low objects."""
 
 _DEPTH = 4.8
 """Depth of the first height bin below the ground at the sensor [m]; the last one is 8 m above."""
@@ -85,32 +85,32 @@ class OccupiedColumns:
         frozen(self.columns)
         frozen(self.rotation)
 
-    def meet(self, points: Points, reach: float) -> Mask:
+    def is_near(self, points: Points, reach: float) -> Mask:
         """Return whether an obstacle is within `reach` [m] of each (n, 3) point [m] of the scan.
 
         Obstacles count at the centres of their bins.
         """
-        return met_points(self.columns, self.rotation, self.base, self.cell_size, reach, points)
+        return near_obstacles(self.columns, self.rotation, self.base, self.cell_size, reach, points)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Landmarks:
-    """Low objects of a scan, and its occupied columns, which meet those of another scan.
+class LowObjects:
+    """Low objects of a scan, and its occupied columns, which hit those of another scan.
 
     Attributes
     ----------
     voxels : (k, 3) [m]
-        Voxels of all landmarks: means of their points, in the frame of the scan.
-    landmark_of_voxel : (k,)
-        Landmark of each voxel, ascending.
+        Voxels of all low_objects: means of their points, in the frame of the scan.
+    object_of_voxel : (k,)
+        Object of each voxel, ascending.
     count : int
-        Number of landmarks.
+        Number of objects.
     occupied : OccupiedColumns
         Obstacles of the scan.
     """
 
     voxels: Points
-    landmark_of_voxel: Labels
+    object_of_voxel: Labels
     count: int
     occupied: OccupiedColumns
 
@@ -118,21 +118,21 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         frozen(self.voxels)
-        frozen(self.landmark_of_voxel)
+        frozen(self.object_of_voxel)
 
     def counts(self, selected: Mask) -> Matrix:
-        """Return the number of selected voxels of each landmark.
+        """Return the number of selected voxels of each object.
 
         `selected` (r k,) has r sets of all voxels one after the other; the result is (r, count).
         """
         sets = selected.reshape(-1, len(self.voxels))
-        cells = self.landmark_of_voxel + self.count * np.arange(len(sets))[:, None]
+        cells = self.object_of_voxel + self.count * np.arange(len(sets))[:, None]
         counts = np.bincount(cells[sets], minlength=self.count * len(sets))
         return counts.reshape(len(sets), self.count).astype(np.float64)
 
 
-def find_landmarks(clusters: ClusterGaussians) -> Landmarks:
-    """Find the landmarks of a segmented scan."""
+def find_low_objects(clusters: ClusterGaussians) -> LowObjects:
+    """Find the low objects of a segmented scan."""
     cloud, ground = clusters.cloud, clusters.ground
     rotation, heights, ground_height = _level(cloud, ground)
     cells, voxels = low_voxels(
@@ -147,12 +147,12 @@ def find_landmarks(clusters: ClusterGaussians) -> Landmarks:
         _LAYERS,
         _MIN_POINTS,
     )
-    voxels, landmark_of_voxel, count = _compact(voxels, *joined_voxels(read_only(cells)))
+    voxels, object_of_voxel, count = _compact(voxels, *joined_voxels(read_only(cells)))
     base = ground_height - _DEPTH
     columns = occupied_columns(clusters.obstacles, rotation, base, _CELL_SIZE, _COLUMNS)
-    return Landmarks(
+    return LowObjects(
         voxels=voxels,
-        landmark_of_voxel=landmark_of_voxel,
+        object_of_voxel=object_of_voxel,
         count=count,
         occupied=OccupiedColumns(
             columns=columns, rotation=rotation, base=base, cell_size=_CELL_SIZE
@@ -170,7 +170,7 @@ def _level(cloud: PointCloud, ground: Ground) -> tuple[Matrix, Vector, float]:
 
 
 def _compact(voxels: Points, labels: Labels, count: int) -> tuple[Points, Labels, int]:
-    """Return the voxels of components as large as landmarks, with new labels, and their number."""
+    """Return the voxels of components of the size of objects, their labels and their number."""
     order = np.argsort(labels, kind="stable")
     voxels, labels = voxels[order], labels[order]
     starts = np.searchsorted(labels, np.arange(count))
@@ -180,7 +180,7 @@ def _compact(voxels: Points, labels: Labels, count: int) -> tuple[Points, Labels
         axis=1
     )
     sizes = np.diff(np.append(starts, len(labels)))
-    is_landmark = (sizes >= _MIN_VOXELS) & (lengths >= _MIN_LENGTH) & (lengths <= _MAX_LENGTH)
-    selected = is_landmark[labels]
-    new_labels = np.cumsum(is_landmark) - 1
-    return voxels[selected], new_labels[labels[selected]], int(is_landmark.sum())
+    is_object = (sizes >= _MIN_VOXELS) & (lengths >= _MIN_LENGTH) & (lengths <= _MAX_LENGTH)
+    selected = is_object[labels]
+    new_labels = np.cumsum(is_object) - 1
+    return voxels[selected], new_labels[labels[selected]], int(is_object.sum())

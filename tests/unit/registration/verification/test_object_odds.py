@@ -1,4 +1,4 @@
-"""Log odds of a pose by landmarks."""
+"""Log odds of a pose by low objects."""
 
 import math
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.features import features_from_clusters
-from scanlock.registration.verification.landmark_odds import landmark_log_odds
+from scanlock.registration.verification.object_odds import object_log_odds
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 
 _NONE = np.zeros((0, 3))
@@ -46,29 +46,29 @@ def _front(place):
 
 
 def _odds(target, source, pose=None, periods=_NONE):
-    return landmark_log_odds(target, source, pose or Pose.identity(), periods)
+    return object_log_odds(target, source, pose or Pose.identity(), periods)
 
 
-def test_landmarks_that_stay_support_the_pose(scan):
+def test_objects_that_stay_support_the_pose(scan):
     parked, _ = scan
     # Five of either scan, each as likely in another place as the prior says.
     assert _odds(parked, parked) == pytest.approx(10 * math.log(0.92 / 0.3))
 
 
-def test_landmarks_that_are_gone_contradict_it(scan):
+def test_missing_objects_contradict_it(scan):
     parked, moved = scan
     expected = 4 * math.log(0.92 / 0.3) - 6 * math.log((1.0 - 0.3) / 0.08)
     assert _odds(parked, moved) == pytest.approx(expected)
 
 
-def test_landmarks_that_repeat_tell_less(scan):
+def test_objects_that_repeat_support_less(scan):
     parked, _ = scan
     # Four of five cars stand where another one does, on one side or on both.
     period = np.array([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]])
     assert 0.0 <= _odds(parked, parked, periods=period) < 0.5 * _odds(parked, parked)
 
 
-def test_target_and_source_count_alike(scan):
+def test_target_and_source_count_equally(scan):
     parked, moved = scan
     pose = Pose.from_step(np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.05]))
     turned = _odds(moved, parked, pose.inverse())
@@ -79,11 +79,11 @@ def test_without_a_sensor_nothing_is_known(scan):
     parked, _ = scan
     on_map = replace(parked, range_image=None)
     assert math.isnan(_odds(on_map, on_map))
-    # The landmarks of the scan that the other one looks at.
+    # The objects in the free space of the target.
     assert _odds(parked, on_map) == pytest.approx(5 * math.log(0.92 / 0.3))
 
 
-def test_scans_without_landmarks_say_nothing():
+def test_scans_without_objects_have_no_odds():
     across = np.arange(-20.0, 20.0, 0.25)
     x, y = (one.ravel() for one in np.meshgrid(across, across))
     cloud = PointCloud.from_array(np.column_stack([x, y, np.full(x.size, -1.7)]))

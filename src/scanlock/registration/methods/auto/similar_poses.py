@@ -1,4 +1,4 @@
-"""Rivals of a pose: poses one period or half a turn away, which may look alike."""
+"""Hypotheses similar to a pose: one period or half a turn away, where the scans may agree too."""
 
 import math
 
@@ -6,11 +6,11 @@ from scanlock.geometry.pose import Pose
 from scanlock.geometry.rotations import exp_rotation
 from scanlock.registration.methods.auto.data import AutoPair
 from scanlock.registration.search.hypothesis import Hypothesis
-from scanlock.registration.verification.landmark_odds import DECISIVE_LOG_ODDS, landmark_log_odds
+from scanlock.registration.verification.object_odds import DECISIVE_LOG_ODDS, object_log_odds
 from scanlock.registration.verification.self_similarity import common_periods
 
 
-def rival_hypotheses(pair: AutoPair, pose: Pose) -> list[Hypothesis]:
+def similar_hypotheses(pair: AutoPair, pose: Pose) -> list[Hypothesis]:
     """Propose the source displaced by each period of both scans, and turned by half a turn.
 
     Parameters
@@ -22,13 +22,15 @@ def rival_hypotheses(pair: AutoPair, pose: Pose) -> list[Hypothesis]:
     Returns
     -------
     list of Hypothesis
-        Empty if the landmarks tell the place from others that look alike.
+        Empty if the low objects exclude look-alikes.
     """
     target, source = pair.target.features, pair.source.features
     _, periods = common_periods(target.self_similarity, source.self_similarity, pose)
-    if landmark_log_odds(target, source, pose, periods) >= DECISIVE_LOG_ODDS:
+    if object_log_odds(target, source, pose, periods) >= DECISIVE_LOG_ODDS:
         return []
     displaced = [Pose(pose.rotation, pose.translation + period) for period in periods]
-    up = target.landmarks.occupied.rotation[2]
+    up = target.low_objects.occupied.rotation[2]
     turned = Pose(exp_rotation(math.pi * up) @ pose.rotation, pose.translation)
-    return [Hypothesis(pose=one, score=1.0, proposed_by="rival") for one in (*displaced, turned)]
+    return [
+        Hypothesis(pose=one, score=1.0, proposed_by="similar pose") for one in (*displaced, turned)
+    ]

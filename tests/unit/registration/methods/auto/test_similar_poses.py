@@ -1,4 +1,4 @@
-"""Rivals of a pose, and the judgement among poses with similar scores."""
+"""Poses similar to a pose, and the judgement among poses with similar scores."""
 
 import math
 
@@ -14,7 +14,7 @@ from scanlock.registration.methods.auto.data import AutoPair
 from scanlock.registration.methods.auto.judgement import judged_poses
 from scanlock.registration.methods.auto.multi_start import RefinedHypothesis
 from scanlock.registration.methods.auto.ranking import ranked_poses, score_pose
-from scanlock.registration.methods.auto.rivals import rival_hypotheses
+from scanlock.registration.methods.auto.similar_poses import similar_hypotheses
 from scanlock.registration.verification.candidate import INITIAL
 
 _AUTO = Auto()
@@ -47,26 +47,26 @@ def _pair(target, source):
     return AutoPair(target=prepared[0], source=prepared[1], initial=None, constraints=UNCONSTRAINED)
 
 
-def test_rivals_are_a_period_or_half_a_turn_away():
+def test_similar_poses_are_a_period_or_half_a_turn_away():
     pose = yaw_pose(0.4, (1.0, 0.5, 0.0))
-    rivals = rival_hypotheses(_pair(_row(0), pose.inverse().apply(_row(1))), pose)
+    hypotheses = similar_hypotheses(_pair(_row(0), pose.inverse().apply(_row(1))), pose)
     shifts = [
         one.pose.translation - pose.translation
-        for one in rivals
+        for one in hypotheses
         if one.pose.is_close(pose, translation=30.0, rotation=1e-6)
     ]
     assert any(np.allclose(one, [_PERIOD, 0.0, 0.0], atol=0.4) for one in shifts)
     assert any(np.allclose(one, [-_PERIOD, 0.0, 0.0], atol=0.4) for one in shifts)
-    turns = [pose.distance(one.pose)[1] for one in rivals]
+    turns = [pose.distance(one.pose)[1] for one in hypotheses]
     assert max(turns) == pytest.approx(math.pi, abs=1e-6)
 
 
-def test_landmarks_that_stay_leave_no_rivals():
+def test_objects_that_stay_exclude_similar_poses():
     rng = np.random.default_rng(0)
     spots = rng.uniform(-22.0, 22.0, (40, 2))
     parked = [spot for spot in spots if abs(spot[1]) > 7.0][:14]
     pair = _pair(_row(2, parked), _row(3, parked))
-    assert rival_hypotheses(pair, Pose.identity()) == []
+    assert similar_hypotheses(pair, Pose.identity()) == []
 
 
 def _scored(pair, pose, proposed_by="BEV correlation"):
@@ -94,7 +94,7 @@ def test_a_single_pose_is_not_judged():
     assert math.isnan(judged[0].candidate.probability)
 
 
-def test_of_two_poses_alike_the_initial_one_is_kept():
+def test_of_two_equal_poses_the_initial_one_is_kept():
     pair = _pair(_row(8), _row(9))
     shift = Pose(np.eye(3), np.array([_PERIOD, 0.0, 0.0]))
     for initial, other in ((shift, Pose.identity()), (Pose.identity(), shift)):

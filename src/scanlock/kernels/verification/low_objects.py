@@ -1,4 +1,4 @@
-"""Landmarks of a scan: voxels of low objects, their components, and their sightings by a scan."""
+"""Low objects of a scan: their voxels and components; and occupied columns of obstacle points."""
 
 import math
 
@@ -188,7 +188,7 @@ def occupied_columns(
 
 
 @helper
-def _is_met(
+def _is_near(
     columns: Columns, base: float, cell: float, x: float, y: float, z: float, reach: float
 ) -> bool:
     """Return whether an occupied bin has its centre within a distance of a level point."""
@@ -219,7 +219,7 @@ def _is_met(
 
 
 @kernel
-def met_points(
+def near_obstacles(
     columns: Columns, rotation: Matrix, base: float, cell: float, reach: float, points: Points
 ) -> Mask:
     """Return whether each of (n, 3) points [m] is within a distance [m] of an occupied bin.
@@ -227,8 +227,8 @@ def met_points(
     `rotation` takes the points into the level frame of the columns; see `occupied_columns`.
     """
     r, zero = nine(rotation), (0.0, 0.0, 0.0)
-    is_met = np.empty(points.shape[0], np.bool_)
+    is_near = np.empty(points.shape[0], np.bool_)
     for p in range(points.shape[0]):
         x, y, z = transformed(r, zero, points[p, 0], points[p, 1], points[p, 2])
-        is_met[p] = _is_met(columns, base, cell, x, y, z, reach)
-    return is_met
+        is_near[p] = _is_near(columns, base, cell, x, y, z, reach)
+    return is_near

@@ -1,27 +1,27 @@
-"""Landmarks of a scan, against their definition and on simulated scenes."""
+"""Low objects of a scan, against their definition and on simulated scenes."""
 
 import numpy as np
 import pytest
 
-from reference import landmarks as reference
+from reference import low_objects as reference
 from scanlock.arrays import read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.geometry.rotations import exp_rotation
-from scanlock.kernels.verification.landmarks import (
+from scanlock.kernels.verification.low_objects import (
     joined_voxels,
     low_voxels,
-    met_points,
+    near_obstacles,
     occupied_columns,
 )
-from scanlock.registration.verification.landmarks import find_landmarks
+from scanlock.registration.verification.low_objects import find_low_objects
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 
 _TILT = exp_rotation(np.array([0.05, -0.08, 0.7]))
 
 
-def _landmarks(points):
+def _objects(points):
     cloud = PointCloud.from_array(points)
-    return find_landmarks(ClusterGaussianExtractor().extract(cloud, [1.5]))
+    return find_low_objects(ClusterGaussianExtractor().extract(cloud, [1.5]))
 
 
 def _box(centre, half, step=0.08):
@@ -65,7 +65,7 @@ def test_joined_voxels_match_the_definition():
     assert first_rows == sorted(first_rows)
 
 
-def test_occupied_columns_and_met_points_match_the_definition():
+def test_occupied_columns_and_near_obstacles_match_the_definition():
     rng = np.random.default_rng(2)
     points = rng.normal(0.0, 2.5, (40, 3))
     columns = occupied_columns(read_only(points), read_only(_TILT), -3.0, 0.4, 20)
@@ -75,50 +75,50 @@ def test_occupied_columns_and_met_points_match_the_definition():
     }
     assert found == bins
     queries = rng.normal(0.0, 1.5, (400, 3))
-    met = met_points(read_only(columns), read_only(_TILT), -3.0, 0.4, 0.8, read_only(queries))
-    expected = [reference.is_met(bins, _TILT, -3.0, 0.4, 20, 0.8, one) for one in queries]
-    np.testing.assert_array_equal(met, expected)
-    assert 0.1 < met.mean() < 0.9
+    found = near_obstacles(read_only(columns), read_only(_TILT), -3.0, 0.4, 0.8, read_only(queries))
+    expected = [reference.is_near(bins, _TILT, -3.0, 0.4, 20, 0.8, one) for one in queries]
+    np.testing.assert_array_equal(found, expected)
+    assert 0.1 < found.mean() < 0.9
 
 
-def test_a_car_is_a_landmark_and_a_wall_is_not():
+def test_a_car_is_a_low_object_and_a_wall_is_not():
     car = _box([6.0, 4.0, -1.0], [2.0, 0.9, 0.7])
     wall = _box([0.0, -9.0, 0.3], [12.0, 0.1, 2.0])
-    found = _landmarks(np.vstack([_floor(), car, wall]))
+    found = _objects(np.vstack([_floor(), car, wall]))
     assert found.count == 1
     np.testing.assert_allclose(found.voxels.mean(axis=0), [6.0, 4.0, -1.0], atol=0.4)
 
 
-def test_objects_that_are_too_long_or_too_near_are_no_landmarks():
+def test_objects_that_are_too_long_or_too_near_are_no_objects():
     hedge = _box([6.0, 6.0, -1.2], [5.0, 0.4, 0.5])
     carrier = _box([0.6, 0.0, -1.0], [0.3, 0.3, 0.7])
-    assert _landmarks(np.vstack([_floor(), hedge, carrier])).count == 0
+    assert _objects(np.vstack([_floor(), hedge, carrier])).count == 0
 
 
-def test_landmarks_turn_with_the_scan():
+def test_objects_turn_with_the_scan():
     points = np.vstack([_floor(), _box([6.0, 4.0, -1.0], [2.0, 0.9, 0.7])])
     turn = exp_rotation(np.array([0.1, 0.05, 2.0]))
-    found, turned = _landmarks(points), _landmarks(points @ turn.T)
+    found, turned = _objects(points), _objects(points @ turn.T)
     assert turned.count == found.count == 1
     middle, turned_middle = found.voxels.mean(axis=0), turned.voxels.mean(axis=0)
     np.testing.assert_allclose(turned_middle, turn @ middle, atol=0.3)
 
 
-def test_a_scan_without_ground_has_columns_but_maybe_no_landmarks():
+def test_a_scan_without_ground_has_columns_but_maybe_no_objects():
     rng = np.random.default_rng(3)
-    found = _landmarks(rng.normal(0.0, 10.0, (3000, 3)))
+    found = _objects(rng.normal(0.0, 10.0, (3000, 3)))
     assert found.occupied.columns.any()
-    assert len(found.voxels) == len(found.landmark_of_voxel)
+    assert len(found.voxels) == len(found.object_of_voxel)
 
 
 @pytest.mark.parametrize("sets", [1, 3])
 def test_counts_are_those_of_each_set(sets):
-    found = _landmarks(
+    found = _objects(
         np.vstack([_floor(), *(_box([6.0, y, -1.0], [2.0, 0.9, 0.7]) for y in (-6, 0, 6))])
     )
     selected = np.random.default_rng(4).random(sets * len(found.voxels)) < 0.3
     expected = [
-        [np.count_nonzero(one[found.landmark_of_voxel == k]) for k in range(found.count)]
+        [np.count_nonzero(one[found.object_of_voxel == k]) for k in range(found.count)]
         for one in selected.reshape(sets, -1)
     ]
     np.testing.assert_array_equal(found.counts(selected), expected)

@@ -1,0 +1,116 @@
+"""Log odds of a pose by low objects: this place, or a look-alike.
+
+At the right pose an object of one scan is *confirmed* if the other scan has points there, and
+*missing* if it is in the free space of the other scan: a few per cent move. At a pose that is off
+by a period, or in another place of the same kind, an object is confirmed by chance only, or because
+the objects repeat themselves. The scans show the frequency of that: the fraction of the object that
+is confirmed if it is displaced by the periods of the scans.
+"""
+
+import math
+
+import numpy as np
+
+from scanlock.arrays import Matrix, Points, read_only
+from scanlock.geometry.pose import Pose
+from scanlock.registration.verification.features import VerificationFeatures
+from scanlock.registration.verification.low_objects import LowObjects
+from scanlock.registration.verification.range_image import RangeImage
+
+MAX_LOG_ODDS = 5.0
+"""Log odds at which the feature of the probability saturates: objects are not independent."""
+
+DECISIVE_LOG_ODDS = 10.0
+"""Log odds above which no other place is searched for: hardly any wrong pose has more, and a
+correct one of a street has 20 to 100."""
+
+_REACH = 0.4
+"""Maximum distance of a voxel and the obstacle that confirms it [m]."""
+
+_MARGIN, _RELATIVE_MARGIN = 0.3, 0.02
+"""Margins between a voxel in free space and the range behind it [m], and relative to the range."""
+
+_MIN_VOXELS = 3
+"""Minimum number of observed voxels of an object: confirmed, or in free space."""
+
+_MIN_CONFIRMED, _MIN_FREE = 0.7, 0.5
+"""Minimum fractions of those voxels of a confirmed object, and of a missing one."""
+
+_PRIOR = 0.3
+"""Fraction of an object confirmed in another place, of the weight of one period."""
+
+_MOVED = 0.08
+"""Fraction of objects that move between two scans. It bounds the fraction confirmed in another
+place from below, and 1 - _MOVED from above."""
+
+
+_MAX_ELSEWHERE = 0.65
+"""Maximum fraction confirmed in another place of an object that supports a pose. Objects that
+repeat more, such as goods in a rack, would support any pose by their number."""
+
+
+def object_log_odds(
+    target: VerificationFeatures, source: VerificationFeatures, pose: Pose, periods: Points
+) -> float:
+    """Compute the log odds of a pose against look-alikes of the place.
+
+    Parameters
+    ----------
+    target, source : VerificationFeatures
+        A scan without a range image has no free space; the objects of the other one are left out.
+    pose : Pose
+        target_from_source.
+    periods : (k, 3) [m]
+        Displacements at which both scans correlate with themselves, in the frame of the target.
+
+    Returns
+    -------
+    float
+        Sum over the objects of both scans; positive supports the pose. NaN without range images.
+    """
+    known = [
+        _log_odds(objects, viewer.low_objects, viewer.range_image, viewer_from_objects, shifts)
+        for objects, viewer, viewer_from_objects, shifts in (
+            (source.low_objects, target, pose, periods @ pose.rotation),
+            (target.low_objects, source, pose.inverse(), periods),
+        )
+        if viewer.range_image is not None
+    ]
+    return sum(known) if known else math.nan
+
+
+def _log_odds(
+    objects: LowObjects, viewer: LowObjects, image: RangeImage, pose: Pose, shifts: Points
+) -> float:
+    """Return the log odds by the objects of one scan; shifts are in its frame."""
+    if objects.count == 0:
+        return 0.0
+    confirmed, free = _observed_voxels(objects, viewer, image, pose, shifts)
+    observed = confirmed + free
+    is_observed = observed >= _MIN_VOXELS
+    fractions = confirmed / np.maximum(observed, 1.0)
+    is_confirmed = is_observed[0] & (fractions[0] > _MIN_CONFIRMED)
+    is_missing = is_observed[0] & (fractions[0] < 1.0 - _MIN_FREE)
+    elsewhere = np.where(is_observed, fractions, 0.0)[1:].sum(axis=0) + _PRIOR
+    elsewhere /= is_observed[1:].sum(axis=0) + 1.0
+    elsewhere = np.clip(elsewhere, _MOVED, 1.0 - _MOVED)
+    supporting = np.log((1.0 - _MOVED) / elsewhere[is_confirmed & (elsewhere < _MAX_ELSEWHERE)])
+    contradicting = np.log((1.0 - elsewhere[is_missing]) / _MOVED)
+    return float(supporting.sum() - contradicting.sum())
+
+
+def _observed_voxels(
+    objects: LowObjects, viewer: LowObjects, image: RangeImage, pose: Pose, shifts: Points
+) -> tuple[Matrix, Matrix]:
+    """Return the numbers of confirmed voxels of each object, and of those in free space.
+
+    Two (k + 1, count) arrays; the first rows without displacement.
+    """
+    displaced = objects.voxels + np.vstack([np.zeros(3), shifts])[:, None, :]
+    points = read_only(pose.apply(displaced.reshape(-1, 3)))
+    is_confirmed = viewer.occupied.is_near(points, _REACH)
+    distances, measured = image.measured_ranges(points)
+    # An empty cell has an infinite range: no return, so no space is known to be free.
+    limit = np.where(np.isinf(measured), 0.0, (1.0 - _RELATIVE_MARGIN) * measured - _MARGIN)
+    is_free = (distances < limit) & ~is_confirmed
+    return objects.counts(is_confirmed), objects.counts(is_free)
