@@ -18,23 +18,31 @@ def view_from_above(columns, half, merged, max_bins):
     return view
 
 
-def autocorrelation(view, steps):
-    """Sum of products of the view and itself displaced, relative to no displacement."""
-    padded = np.pad(view, steps)
+def correlation(view, turn, steps):
+    """Sum of products of a view and itself, turned by quarter turns and moved, relative to unmoved.
+
+    A quarter turn takes (x, y) to (-y, x); rows are along x.
+    """
     side = len(view)
+    turned = np.zeros_like(view)
+    for i, j in np.ndindex(view.shape):
+        x, y = i - 0.5 * (side - 1), j - 0.5 * (side - 1)
+        for _ in range(turn):
+            x, y = -y, x
+        turned[round(x + 0.5 * (side - 1)), round(y + 0.5 * (side - 1))] = view[i, j]
+    padded = np.pad(view, steps)
     found = np.zeros((2 * steps + 1, 2 * steps + 1))
-    for i in range(2 * steps + 1):
-        for j in range(2 * steps + 1):
-            found[i, j] = (padded[i : i + side, j : j + side] * view).sum()
-    return found / found[steps, steps]
+    for i, j in np.ndindex(found.shape):
+        found[i, j] = (padded[i : i + side, j : j + side] * turned).sum()
+    return found / (view * view).sum()
 
 
-def common_correlation(target, source, yaw):
-    """Smaller one of the correlations of target and source at displacements along the target."""
+def common_correlation(target, source, yaw, offset):
+    """Smaller one of the correlations of target and source at translations along the target."""
     steps = len(target) // 2
     found = np.zeros(target.shape)
     for i, j in np.ndindex(target.shape):
-        x, y = i - steps, j - steps
+        x, y = i - steps + offset[0], j - steps + offset[1]
         in_source = [
             [np.cos(yaw) * x + np.sin(yaw) * y + steps],
             [np.cos(yaw) * y - np.sin(yaw) * x + steps],

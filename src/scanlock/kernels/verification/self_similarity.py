@@ -1,4 +1,4 @@
-"""View of a scan from above, and the displacements at which two scans match themselves."""
+"""View of a scan from above, and the motions at which two scans correlate with themselves."""
 
 import math
 
@@ -52,22 +52,26 @@ def _between(values: Matrix, x: float, y: float) -> float:
 
 
 @kernel
-def common_correlation(target: Matrix, source: Matrix, cosine: float, sine: float) -> Matrix:
-    """Return the smaller of two autocorrelations at each displacement along the target's axes.
+def common_correlation(
+    target: Matrix, source: Matrix, cosine: float, sine: float, x0: float, y0: float
+) -> Matrix:
+    """Return the smaller of two correlations at each translation along the target's axes.
 
     Parameters
     ----------
     target, source : (s, s)
-        Autocorrelations; the middle cell is no displacement.
+        Correlations; the middle cell is no translation.
     cosine, sine : float
         Of the heading of the source in the target.
+    x0, y0 : float [cells]
+        Translation of the target for which that of the source is zero, with the opposite sign.
     """
     side = target.shape[0]
     steps = side // 2
     common = np.zeros((side, side))
     for i in range(side):
         for j in range(side):
-            x, y = float(i - steps), float(j - steps)
+            x, y = i - steps + x0, j - steps + y0
             turned = _between(source, cosine * x + sine * y + steps, cosine * y - sine * x + steps)
             common[i, j] = min(target[i, j], turned)
     return common

@@ -17,7 +17,7 @@ from scanlock.registration.verification.object_odds import DECISIVE_LOG_ODDS, ob
 from scanlock.registration.verification.observability import DirectionObservability, Observability
 from scanlock.registration.verification.overlap import shifted_score_ratio
 from scanlock.registration.verification.refinement import refine_pose
-from scanlock.registration.verification.self_similarity import common_periods
+from scanlock.registration.verification.self_similarity import self_matches
 
 _MIN_SHIFT = 0.75
 """Minimum shift of the source [m] that counts as another pose: about the size of a cluster."""
@@ -94,8 +94,8 @@ def assess_pose(
     chosen = candidates[0] if candidates else candidate_at(target, source, pose, "")
     refinement = refine_pose(target, source, pose)
     observability = refinement.observability
-    similarity, periods = common_periods(target.self_similarity, source.self_similarity, pose)
-    log_odds = object_log_odds(target, source, pose, periods)
+    similarity, motions = self_matches(target.self_similarity, source.self_similarity, pose)
+    log_odds = object_log_odds(target, source, pose, motions)
     axes = [] if observability is None else [one.axis for one in observability.directions[:2]]
     shifted = (
         # The objects exclude displaced places, without the cost of the scores there.

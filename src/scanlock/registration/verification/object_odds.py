@@ -4,10 +4,11 @@ At the right pose an object of one scan is *confirmed* if the other scan has poi
 *missing* if it is in the free space of the other scan: a few per cent move. At a pose that is off
 by a period, or in another place of the same kind, an object is confirmed by chance only, or because
 the objects repeat themselves. The scans show the frequency of that: the fraction of the object that
-is confirmed if it is displaced by the periods of the scans.
+is confirmed after each motion at which the scans correlate with themselves.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from scanlock.arrays import Matrix, Points, read_only
 from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.features import VerificationFeatures
 from scanlock.registration.verification.low_objects import LowObjects
-from scanlock.registration.verification.range_image import RangeImage
 
 MAX_LOG_ODDS = 5.0
 """Log odds at which the feature of the probability saturates: objects are not independent."""
@@ -37,7 +37,7 @@ _MIN_CONFIRMED, _MIN_FREE = 0.7, 0.5
 """Minimum fractions of those voxels of a confirmed object, and of a missing one."""
 
 _PRIOR = 0.3
-"""Fraction of an object confirmed in another place, of the weight of one period."""
+"""Fraction of an object confirmed in another place, of the weight of one motion."""
 
 _MOVED = 0.08
 """Fraction of objects that move between two scans. It bounds the fraction confirmed in another
@@ -50,7 +50,10 @@ repeat more, such as goods in a rack, would support any pose by their number."""
 
 
 def object_log_odds(
-    target: VerificationFeatures, source: VerificationFeatures, pose: Pose, periods: Points
+    target: VerificationFeatures,
+    source: VerificationFeatures,
+    pose: Pose,
+    motions: Sequence[Pose],
 ) -> float:
     """Compute the log odds of a pose against look-alikes of the place.
 
@@ -60,8 +63,8 @@ def object_log_odds(
         A scan without a range image has no free space; the objects of the other one are left out.
     pose : Pose
         target_from_source.
-    periods : (k, 3) [m]
-        Displacements at which both scans correlate with themselves, in the frame of the target.
+    motions : sequence of Pose
+        Motions at which both scans correlate with themselves, in the frame of the target.
 
     Returns
     -------
@@ -69,10 +72,10 @@ def object_log_odds(
         Sum over the objects of both scans; positive supports the pose. NaN without range images.
     """
     known = [
-        _log_odds(objects, viewer.low_objects, viewer.range_image, viewer_from_objects, shifts)
-        for objects, viewer, viewer_from_objects, shifts in (
-            (source.low_objects, target, pose, periods @ pose.rotation),
-            (target.low_objects, source, pose.inverse(), periods),
+        _log_odds(objects, viewer, viewer_from_target, target_from_objects, motions)
+        for objects, viewer, viewer_from_target, target_from_objects in (
+            (source.low_objects, target, Pose.identity(), pose),
+            (target.low_objects, source, pose.inverse(), Pose.identity()),
         )
         if viewer.range_image is not None
     ]
@@ -80,12 +83,18 @@ def object_log_odds(
 
 
 def _log_odds(
-    objects: LowObjects, viewer: LowObjects, image: RangeImage, pose: Pose, shifts: Points
+    objects: LowObjects,
+    viewer: VerificationFeatures,
+    viewer_from_target: Pose,
+    target_from_objects: Pose,
+    motions: Sequence[Pose],
 ) -> float:
-    """Return the log odds by the objects of one scan; shifts are in its frame."""
+    """Return the log odds by the objects of one scan."""
     if objects.count == 0:
         return 0.0
-    confirmed, free = _observed_voxels(objects, viewer, image, pose, shifts)
+    in_target = target_from_objects.apply(objects.voxels)
+    moved = np.concatenate([in_target, *(motion.apply(in_target) for motion in motions)])
+    confirmed, free = _observed_voxels(objects, viewer, viewer_from_target.apply(moved))
     observed = confirmed + free
     is_observed = observed >= _MIN_VOXELS
     fractions = confirmed / np.maximum(observed, 1.0)
@@ -100,15 +109,17 @@ def _log_odds(
 
 
 def _observed_voxels(
-    objects: LowObjects, viewer: LowObjects, image: RangeImage, pose: Pose, shifts: Points
+    objects: LowObjects, viewer: VerificationFeatures, points: Points
 ) -> tuple[Matrix, Matrix]:
     """Return the numbers of confirmed voxels of each object, and of those in free space.
 
-    Two (k + 1, count) arrays; the first rows without displacement.
+    `points` (r k, 3) [m] are the voxels at r poses in the frame of the viewer; the results are
+    (r, count).
     """
-    displaced = objects.voxels + np.vstack([np.zeros(3), shifts])[:, None, :]
-    points = read_only(pose.apply(displaced.reshape(-1, 3)))
-    is_confirmed = viewer.occupied.is_near(points, _REACH)
+    points = read_only(points)
+    image = viewer.range_image
+    assert image is not None
+    is_confirmed = viewer.low_objects.occupied.is_near(points, _REACH)
     distances, measured = image.measured_ranges(points)
     # An empty cell has an infinite range: no return, so no space is known to be free.
     limit = np.where(np.isinf(measured), 0.0, (1.0 - _RELATIVE_MARGIN) * measured - _MARGIN)

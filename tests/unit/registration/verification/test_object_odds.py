@@ -12,8 +12,6 @@ from scanlock.registration.verification.features import features_from_clusters
 from scanlock.registration.verification.object_odds import object_log_odds
 from scanlock.segmentation.cluster_gaussians import ClusterGaussianExtractor
 
-_NONE = np.zeros((0, 3))
-
 
 @pytest.fixture(scope="module")
 def scan():
@@ -45,8 +43,8 @@ def _front(place):
     return np.column_stack([x + along, np.full(along.size, y), high - 1.6])
 
 
-def _odds(target, source, pose=None, periods=_NONE):
-    return object_log_odds(target, source, pose or Pose.identity(), periods)
+def _odds(target, source, pose=None, motions=()):
+    return object_log_odds(target, source, pose or Pose.identity(), motions)
 
 
 def test_objects_that_stay_support_the_pose(scan):
@@ -64,8 +62,8 @@ def test_missing_objects_contradict_it(scan):
 def test_objects_that_repeat_support_less(scan):
     parked, _ = scan
     # Four of five cars stand where another one does, on one side or on both.
-    period = np.array([[6.0, 0.0, 0.0], [-6.0, 0.0, 0.0]])
-    assert 0.0 <= _odds(parked, parked, periods=period) < 0.5 * _odds(parked, parked)
+    periods = [Pose(np.eye(3), np.array([x, 0.0, 0.0])) for x in (6.0, -6.0)]
+    assert 0.0 <= _odds(parked, parked, motions=periods) < 0.5 * _odds(parked, parked)
 
 
 def test_target_and_source_count_equally(scan):
