@@ -86,6 +86,10 @@ def decide_status(
             f"{metrics.refinement_shift:.2f} m (a degree counts as {0.3 * length_scale:g} m); pass "
             "it as initial= to auto or gicp"
         )
+    if probability >= 0.5 and (
+        other := _other_pose(solution, assessment, probability, length_scale)
+    ):
+        return Status.AMBIGUOUS, f"{facts}, but {other}; compare the candidates, or pass prior="
     if assessment.degenerate or probability < MIN_PROBABILITY:
         outcome = "is likely wrong" if probability < 0.5 else "may be wrong"
         return Status.UNVERIFIED, (
@@ -98,37 +102,37 @@ def decide_status(
             f"{facts}, but the scales of the scans differ by about {abs(difference):.1%}; check "
             "the units and the calibration"
         )
-    if other := _other_pose(solution, length_scale):
-        return Status.AMBIGUOUS, f"{facts}, but {other}; compare the candidates, or pass prior="
-    if (
-        assessment.runner_up_ratio > MAX_RUNNER_UP_RATIO
-        or assessment.shifted_score_ratio > MAX_SHIFTED_SCORE_RATIO
-    ):
-        return Status.AMBIGUOUS, (
-            f"{facts}, but another pose has {metrics.runner_up_ratio:.0%} of its agreement; "
-            "compare the candidates, or pass prior="
-        )
     return Status.OK, f"{facts}, probability {probability:.3f}"
 
 
-def _other_pose(solution: Solution, length_scale: float) -> str:
-    """Describe the most probable other pose that would be verified; empty if there is none."""
+def _other_pose(
+    solution: Solution, assessment: Assessment, probability: float, length_scale: float
+) -> str:
+    """Describe another pose that may be right as well; empty if there is none.
+
+    It is as probable as the pose, or would be accepted, or scores nearly as well.
+    """
     candidates: Sequence[Candidate] = solution.candidates
     metres, radians = _MIN_SEPARATION
     others = [
         one
         for one in candidates[1:]
-        if one.probability >= MIN_PROBABILITY
+        if one.probability >= min(MIN_PROBABILITY, probability)
         and not one.target_from_source.is_close(solution.pose, translation=metres, rotation=radians)
     ]
-    if not others:
-        return ""
-    best = max(others, key=lambda one: one.probability)
-    distance, angle = best.target_from_source.distance(solution.pose)
-    return (
-        f"another pose has the probability {best.probability:.2f} too, "
-        f"{length_scale * distance:.2f} m and {math.degrees(angle):.1f} degrees away"
-    )
+    if others:
+        best = max(others, key=lambda one: one.probability)
+        distance, angle = best.target_from_source.distance(solution.pose)
+        return (
+            f"another pose has the probability {best.probability:.2f}, "
+            f"{length_scale * distance:.2f} m and {math.degrees(angle):.1f} degrees away"
+        )
+    if (
+        assessment.runner_up_ratio > MAX_RUNNER_UP_RATIO
+        or assessment.shifted_score_ratio > MAX_SHIFTED_SCORE_RATIO
+    ):
+        return f"another pose has {assessment.metrics.runner_up_ratio:.0%} of its agreement"
+    return ""
 
 
 def _is_consistent(metrics: Metrics) -> bool:

@@ -17,7 +17,7 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.features import VerificationFeatures
 from scanlock.registration.verification.low_objects import LowObjects
 
-MAX_LOG_ODDS = 5.0
+MAX_LOG_ODDS = 3.0
 """Log odds at which the feature of the probability saturates: objects are not independent."""
 
 DECISIVE_LOG_ODDS = 10.0
@@ -44,7 +44,7 @@ _MOVED = 0.08
 place from below, and 1 - _MOVED from above."""
 
 
-_MAX_ELSEWHERE = 0.65
+_MAX_ELSEWHERE = 0.5
 """Maximum fraction confirmed in another place of an object that supports a pose. Objects that
 repeat more, such as goods in a rack, would support any pose by their number."""
 

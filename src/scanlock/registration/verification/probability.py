@@ -26,8 +26,8 @@ FEATURES = (
 )
 """Names of the features of the model, in the order of `WEIGHTS`; see `features`."""
 
-INTERCEPT = 1.54
-WEIGHTS = (-7.70, -3.30, -1.11, -0.55, 1.45, -4.56, 0.5)
+INTERCEPT = -0.18
+WEIGHTS = (-12.27, -4.00, -0.34, -0.41, 0.71, -2.12, 0.65)
 
 _DEFAULT_VIOLATION = 0.1
 """Free-space violation if unknown: slightly more than most correct poses have."""

@@ -44,7 +44,7 @@ def test_the_probability_is_the_logistic_function_of_the_features():
     metrics = Metrics(**_GOOD)
     expected = [
         0.02, 0.1, math.log(0.02 / 0.05), math.log(0.001), math.log(1.05 - 0.2), 0.0,
-        5.0,
+        3.0,
     ]  # fmt: skip
     np.testing.assert_allclose(model_inputs(metrics, _directions()), expected)
     logit = INTERCEPT + np.dot(WEIGHTS, expected)
