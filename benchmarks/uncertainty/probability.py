@@ -20,8 +20,7 @@ from scipy.optimize import minimize
 from scipy.stats import rankdata
 
 from benchmarks._common.arguments import make_parser
-from benchmarks._common.results import Results
-from benchmarks.uncertainty.folds import (
+from benchmarks._common.folds import (
     Fold,
     Mask,
     Numbers,
@@ -30,6 +29,7 @@ from benchmarks.uncertainty.folds import (
     predicted,
     single,
 )
+from benchmarks._common.results import Results
 from scanlock.registration.registry import METHODS
 from scanlock.registration.verification import probability as model
 from scanlock.registration.verification.decision import MIN_PROBABILITY

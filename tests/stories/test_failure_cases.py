@@ -86,7 +86,7 @@ def test_a_wrong_scale_has_a_truth_only_where_it_displaces_less_than_the_toleran
 
 
 def test_no_model_is_fitted_to_a_kind_that_it_is_evaluated_on(module):
-    folds = module("uncertainty.folds")
+    folds = module("_common.folds")
     sensors = np.array(["a", "b", "c", "a and b", "b and c", "a"])
     found = {fold.name: fold for fold in folds.by_name(sensors)}
     assert found["a"].evaluated.tolist() == [True, False, False, False, False, True]
