@@ -48,6 +48,9 @@ _REAL_SENSORS = {
 }
 """Kinds of the real sensors, by the first letters of the group's name."""
 
+_KINDS = {"tunnel": "ringed_tunnel", "crossing": "crossroads", "terrace": "terraced_street"}
+"""Worlds that repeat of the same kind as a world without a single correct pose."""
+
 _MAX_PAIRS = 15
 """Maximum number of pairs per group of real pairs, evenly spaced."""
 
@@ -101,7 +104,7 @@ def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
         pair = pairs[index]
         target, source = pair.load_target(), pair.load_source()
         for turn in headings(group, index, turns):
-            place = Place(_scene(group), world_of(group), sensor_of(group))
+            place = Place(scene_of(group), world_of(group), sensor_of(group))
             yield from _pair_cases(
                 place, target, turn.apply(source), pair.truth @ turn.inverse(),
                 tolerance_of(group), rng,
@@ -140,8 +143,8 @@ def other_place_cases(data: Path, count: int, seed: int) -> Iterator[Case]:
     scans: dict[str, list[Callable[[], Cloud]]] = {}
     groups: dict[str, str] = {}
     for pair in all_pairs(data):
-        scans.setdefault(_scene(pair.group), []).extend((pair.load_target, pair.load_source))
-        groups[_scene(pair.group)] = pair.group
+        scans.setdefault(scene_of(pair.group), []).extend((pair.load_target, pair.load_source))
+        groups[scene_of(pair.group)] = pair.group
     scenes = sorted(scans)
     for number in range(count):
         one, other = rng.choice(len(scenes), 2, replace=False)
@@ -227,8 +230,8 @@ def look_alike_cases(seeds: Sequence[int]) -> Iterator[Case]:
         truth = poses[0].inverse() @ poses[1]
         for methods, start in ((("auto",), None), (LOCAL, perturbed(truth, 4.0, 45.0, rng))):
             yield Case(
-                scene=title, kind=title, world=name, sensor=sensor.name, target=target,
-                source=source, truth=truth, start=start, methods=methods,
+                scene=title, kind=title, world=_KINDS.get(name, name), sensor=sensor.name,
+                target=target, source=source, truth=truth, start=start, methods=methods,
             )  # fmt: skip
 
 
@@ -274,9 +277,10 @@ def sensor_of(group: str) -> str:
 
 
 def pair_name(one: str, other: str) -> str:
-    """Return the name of a pair of sensors: that of one if both are equal."""
+    """Return the name of two kinds of sensors or worlds: that of one if both are equal."""
     return one if one == other else " and ".join(sorted((one, other)))
 
 
-def _scene(group: str) -> str:
+def scene_of(group: str) -> str:
+    """Return the place of a group of real pairs."""
     return group.split(",")[0]

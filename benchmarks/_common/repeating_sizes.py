@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._common.contenders import MAX_DEGREES, MAX_METRES
+
 _Draw = Callable[[np.random.Generator], dict[str, Any]]
 
 _ROOM_TOLERANCE = (0.3, 1.5)
@@ -73,6 +75,6 @@ def sizes_of(name: str, rng: np.random.Generator) -> dict[str, Any]:
     return _SIZES[name](rng)
 
 
-def tolerance_in(name: str, usual: tuple[float, float]) -> tuple[float, float]:
+def tolerance_in(name: str) -> tuple[float, float]:
     """Return the errors within which a pose in a world is correct [m, deg]."""
-    return _ROOM_TOLERANCE if name in _ROOMS else usual
+    return _ROOM_TOLERANCE if name in _ROOMS else (MAX_METRES, MAX_DEGREES)

@@ -2,11 +2,11 @@
 
     python -m benchmarks.uncertainty.failure_trials trials.npz [--data FOLDER] [--jobs 2]
         [--seed 0] [--other-places 3000] [--simulated 120] [--look-alike 120] [--repeating 280]
-        [--peer-every 0]
+        [--scenes 48] [--simulated-only] [--peer-every 0]
 
-Writes the trials that `probability` reads. Needs more than an hour on two slow cores. Other seeds
-give other simulated scenes and other starts. With ``--peer-every K`` small_gicp, Open3D and
-KISS-Matcher register every K-th case too; they need seconds per case.
+Writes the trials that `probability` reads. Needs hours on two slow cores, about 0.4 s for each
+trial. Other seeds give other simulated scenes and other starts. With ``--peer-every K`` small_gicp,
+Open3D and KISS-Matcher register every K-th case too; they need seconds per case.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._common import failure_cases, repeating_cases
+from benchmarks._common import failure_cases, repeating_cases, scene_cases
 from benchmarks._common.arguments import add_data, make_parser
 from benchmarks._common.contenders import pose_error
 from benchmarks._common.failure_cases import Case
@@ -30,6 +30,7 @@ from benchmarks._common.peers import (
     open3d_scored,
     small_gicp_scored,
 )
+from benchmarks._common.real_scans import RealPair
 from benchmarks._common.results import Results
 from benchmarks._common.turned_pairs import all_pairs
 from scanlock.arrays import Vector
@@ -42,6 +43,7 @@ from scanlock.registration.verification.decision import (
     MAX_REFINEMENT_SHIFT,
     MAX_RUNNER_UP_RATIO,
     MAX_SHIFTED_SCORE_RATIO,
+    has_other_scale,
 )
 from scanlock.registration.verification.probability import FEATURES, model_inputs
 from scanlock.registration.verification.status import Status
@@ -85,6 +87,8 @@ def is_vetoed(result: RegistrationResult) -> bool:
         result.status in (Status.NOT_CONVERGED, Status.NO_CORRESPONDENCES)
         or bool(result.degenerate_directions)
         or result.metrics.refinement_shift > MAX_REFINEMENT_SHIFT
+        or has_other_scale(result.metrics)
+        or result.status is Status.AMBIGUOUS
         or runner_up > MAX_RUNNER_UP_RATIO * preference
         # A value above that of the candidates comes from the score profile.
         or (largest > MAX_SHIFTED_SCORE_RATIO and not largest <= runner_up)
@@ -108,7 +112,8 @@ def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Ca
         groups: dict[str, list[str]] = {}
         for pair in all_pairs(arguments.data):
             groups.setdefault(pair.group, []).append(pair.name)
-        work += [partial(real_work, arguments.data, group) for group in groups]
+        for make_cases in (failure_cases.real_cases, scene_cases.real_distorted_cases):
+            work += [partial(real_work, arguments.data, group, make_cases) for group in groups]
         for first in range(0, arguments.other_places, 150):
             count = min(150, arguments.other_places - first)
             seed = 10_000 * arguments.seed + first
@@ -117,6 +122,7 @@ def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Ca
         (failure_cases.simulated_cases, arguments.simulated),
         (failure_cases.look_alike_cases, arguments.look_alike),
         (repeating_cases.repeating_cases, arguments.repeating),
+        (scene_cases.scene_cases, arguments.scenes),
     ):
         for first in range(0, count, 12):
             seeds = range(first, min(count, first + 12))
@@ -126,9 +132,11 @@ def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Ca
     return work
 
 
-def real_work(data: Path, group: str) -> Iterator[Case]:
+def real_work(
+    data: Path, group: str, make_cases: Callable[[Sequence[RealPair]], Iterator[Case]]
+) -> Iterator[Case]:
     """Yield the cases of one group of real pairs."""
-    return failure_cases.real_cases([pair for pair in all_pairs(data) if pair.group == group])
+    return make_cases([pair for pair in all_pairs(data) if pair.group == group])
 
 
 def main() -> None:
@@ -147,8 +155,14 @@ def main() -> None:
     parser.add_argument(
         "--repeating", type=int, default=280, help="worlds with repeated structure and loose things"
     )
+    parser.add_argument(
+        "--scenes", type=int, default=48, help="simulated scenes with more sensors and distortions"
+    )
+    parser.add_argument("--simulated-only", action="store_true", help="use no real scans")
     parser.add_argument("--peer-every", type=int, default=0, help="peers get every K-th case")
     arguments = parser.parse_args()
+    if arguments.simulated_only:
+        arguments.data = None
     results = Results(arguments.json)
     work = case_batches(arguments)
     found: list[dict[str, Any]] = []

@@ -2,30 +2,37 @@
 
     python -m benchmarks.uncertainty.failure_trials trials.npz
     python -m benchmarks.uncertainty.probability trials.npz [more.npz ...] [--fit]
-        [--figure reliability.png]
+        [--figure reliability.png] [--each] [--left-out world]
 
 Prints failure detection by the model in scanlock, and by the same model fitted without the scene
-that it is evaluated on (all real scans of one folder, or every fifth simulated scene). ``--fit``
-prints the constants of `scanlock/registration/verification/probability.py`.
+that it is evaluated on (all real scans of one folder, or every fifth simulated scene), without the
+kind of world, and without the kind of sensor. ``--fit`` prints the constants of
+`scanlock/registration/verification/probability.py`; ``--each`` and ``--figure`` show the poses by
+the model without what ``--left-out`` names.
 """
 
-import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import rankdata
 
 from benchmarks._common.arguments import make_parser
+from benchmarks._common.folds import (
+    Fold,
+    Mask,
+    Numbers,
+    by_name,
+    by_scene,
+    predicted,
+    single,
+)
 from benchmarks._common.results import Results
 from scanlock.registration.registry import METHODS
 from scanlock.registration.verification import probability as model
 from scanlock.registration.verification.decision import MIN_PROBABILITY
-
-_FOLDS = 5
-"""Number of folds of the simulated scenes, by seed."""
 
 _SIGNS = (-1, -1, -1, -1, 1, -1, 1)
 """Required signs of the weights."""
@@ -33,10 +40,10 @@ _SIGNS = (-1, -1, -1, -1, 1, -1, 1)
 _SHRINKAGE = 1e-3
 """Weight of the squared standardised weights in the loss."""
 
+_COLUMNS_LEFT_OUT = ("scene", "world", "sensor")
+
 _BINS = (0.0, 0.001, 0.01, 0.05, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.0)
 """Edges of the probability bins."""
-
-Numbers = NDArray[np.float64]
 
 
 def read(paths: list[Path]) -> dict[str, Any]:
@@ -45,16 +52,7 @@ def read(paths: list[Path]) -> dict[str, Any]:
     return {name: np.concatenate([one[name] for one in files]) for name in files[0].files}
 
 
-def folds_of(scenes: NDArray[np.str_]) -> NDArray[np.str_]:
-    """Return the fold of each scene."""
-    found: list[str] = []
-    for scene in scenes:
-        seed = re.fullmatch(r"simulated \w+ (\d+)", scene)
-        found.append(str(scene) if seed is None else f"simulated {int(seed[1]) % _FOLDS}")
-    return np.array(found)
-
-
-def fitted(features: Numbers, right: NDArray[np.bool_]) -> Numbers:
+def fitted(features: Numbers, right: Mask) -> Numbers:
     """Return intercept and weights of the regularised logistic regression."""
     mean, deviation = features.mean(axis=0), features.std(axis=0)
     rows = np.column_stack([np.ones(len(features)), (features - mean) / deviation])
@@ -75,7 +73,7 @@ def fitted(features: Numbers, right: NDArray[np.bool_]) -> Numbers:
     return np.concatenate([[standard[0] - weights @ mean], weights])
 
 
-def area_under_curve(scores: Numbers, right: NDArray[np.bool_]) -> float:
+def area_under_curve(scores: Numbers, right: Mask) -> float:
     """Return the area under the ROC curve."""
     ranks = rankdata(scores)
     positive = int(right.sum())
@@ -83,7 +81,7 @@ def area_under_curve(scores: Numbers, right: NDArray[np.bool_]) -> float:
     return float(above / (positive * (len(right) - positive)))
 
 
-def row(name: str, scores: Numbers, right: NDArray[np.bool_], ok: NDArray[np.bool_]) -> list[str]:
+def row(name: str, scores: Numbers, right: Mask, ok: Mask) -> list[str]:
     """Return the cells of `COLUMNS`."""
     wrong = ~right
     return [
@@ -98,62 +96,118 @@ def row(name: str, scores: Numbers, right: NDArray[np.bool_], ok: NDArray[np.boo
 COLUMNS = ("trials", "poses", "area under the ROC curve", "wrong, called ok", "correct, refused")
 
 
+_WORST = "highest probability of a wrong pose called ok"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """Probabilities by models fitted without a scene, a kind of world or a kind of sensor."""
+
+    name: str
+    folds: list[Fold]
+    held_out: Numbers
+    right: Mask
+    ok: Mask
+
+    @classmethod
+    def of(cls, name: str, own: dict[str, Any]) -> "LeftOut":
+        """Return the probabilities of trials without what `name`, a column, distinguishes."""
+        folds = by_scene(own[name]) if name == "scene" else by_name(own[name])
+        held_out = predicted(own["features"], own["right"], folds, fitted)
+        ok = (held_out >= MIN_PROBABILITY) & ~own["vetoed"]
+        return cls(name=name, folds=folds, held_out=held_out, right=own["right"], ok=ok)
+
+    def row(self, name: str, at: Mask) -> list[str]:
+        """Return the cells of `COLUMNS` of some trials."""
+        return row(name, self.held_out[at], self.right[at], self.ok[at])
+
+    def with_worst(self, name: str, at: Mask) -> list[str]:
+        """Return the cells of `COLUMNS` and the highest probability of a wrong pose called ok."""
+        missed = self.held_out[at & self.ok & ~self.right]
+        return [*self.row(name, at), f"{missed.max():.3f}" if len(missed) else "-"]
+
+
 def main() -> None:
     parser = make_parser(__doc__)
     parser.add_argument("trials", type=Path, nargs="+")
     parser.add_argument("--fit", action="store_true", help="print the constants of the model")
     parser.add_argument("--figure", type=Path, help="write a reliability diagram")
     parser.add_argument("--each", action="store_true", help="print every wrong pose with status ok")
+    parser.add_argument("--left-out", choices=_COLUMNS_LEFT_OUT, default="scene")
     arguments = parser.parse_args()
     results = Results(arguments.json)
     trials = read(arguments.trials)
     is_own = np.isin(trials["method"], list(METHODS))
     own = {name: column[is_own] for name, column in trials.items()}
-    right, features = own["right"], own["features"]
-    folds = folds_of(own["scene"])
-    left_out = np.empty(len(right))
-    for fold in np.unique(folds):
-        weights = fitted(features[folds != fold], right[folds != fold])
-        left_out[folds == fold] = weights[0] + features[folds == fold] @ weights[1:]
-    held_out = 1.0 / (1.0 + np.exp(-left_out))
-    current = 1.0 / (1.0 + np.exp(-(model.INTERCEPT + features @ np.array(model.WEIGHTS))))
     if arguments.fit:
-        weights = fitted(features, right)
+        weights = fitted(own["features"], own["right"])
         print(f"INTERCEPT = {weights[0]:.2f}")
         print(f"WEIGHTS = ({', '.join(f'{weight:.2f}' for weight in weights[1:])})")
-    # Independent of the probability.
-    refused = own["vetoed"]
-    print(f"{len(right)} trials; {results.machine_line}\n")
-    held_ok = (held_out >= MIN_PROBABILITY) & ~refused
-    ok = (current >= MIN_PROBABILITY) & ~refused
+    print(f"{len(own['right'])} trials; {results.machine_line}\n")
+    left_out = {name: LeftOut.of(name, own) for name in _COLUMNS_LEFT_OUT}
+    rows = [*scene_rows(left_out["scene"], own), *peer_rows(trials, ~is_own)]
+    results.add_table(COLUMNS, rows, title="failure detection")
+    for name in ("world", "sensor"):
+        rows = kind_rows(left_out[name], own)
+        results.add_table((*COLUMNS, _WORST), rows, title=f"by {name}, left out of the fit")
+    for name, one in left_out.items():
+        results.add_table(
+            ("probability", "trials", "mean probability", "correct"),
+            reliability(one.held_out, one.right),
+            title="reliability" if name == "scene" else f"reliability, {name} left out",
+        )
+    chosen = left_out[arguments.left_out]
+    if arguments.each:
+        print_each(chosen, own)
+    if arguments.figure is not None:
+        draw(arguments.figure, chosen.held_out, chosen.right)
+
+
+def scene_rows(one: LeftOut, own: dict[str, Any]) -> list[list[str]]:
+    """Return the rows of all trials, and of each kind, method and scene."""
+    features, right = own["features"], own["right"]
+    current = 1.0 / (1.0 + np.exp(-(model.INTERCEPT + features @ np.array(model.WEIGHTS))))
+    everything = np.ones(len(right), np.bool_)
+    ok = (current >= MIN_PROBABILITY) & ~own["vetoed"]
     rows = [
-        row("all, scene left out of the fit", held_out, right, held_ok),
+        one.row("all, scene left out of the fit", everything),
         row("all, as in scanlock", current, right, ok),
     ]
     for name in ("kind", "method"):
         for value in np.unique(own[name]):
-            at = own[name] == value
-            rows.append(row(f"{value}, scene left out", held_out[at], right[at], held_ok[at]))
-    for fold in np.unique(folds):
-        at = folds == fold
-        rows.append(row(f"{fold}, left out", held_out[at], right[at], held_ok[at]))
-    for name in np.unique(trials["method"][~is_own]):
+            rows.append(one.row(f"{value}, scene left out", own[name] == value))
+    return rows + [one.row(f"{fold.name}, left out", fold.evaluated) for fold in one.folds]
+
+
+def kind_rows(one: LeftOut, own: dict[str, Any]) -> list[list[str]]:
+    """Return the rows of all trials, of each kind of world or sensor, and of each kind of case."""
+    rows = [one.with_worst("all", np.ones(len(one.right), np.bool_))]
+    rows += [one.with_worst(name, at) for name, at in single(one.folds)]
+    for value in np.unique(own["kind"]):
+        rows.append(one.with_worst(f"case: {value}", own["kind"] == value))
+    return rows
+
+
+def peer_rows(trials: dict[str, Any], is_peer: Mask) -> list[list[str]]:
+    """Return one row per other library."""
+    rows: list[list[str]] = []
+    for name in np.unique(trials["method"][is_peer]):
         at = trials["method"] == name
         claimed = trials["status"][at] == "ok"
         rows.append(row(name, trials["score"][at], trials["right"][at], claimed))
-    results.add_table(COLUMNS, rows, title="failure detection")
-    columns = ("probability", "trials", "mean probability", "correct")
-    results.add_table(columns, reliability(held_out, right), title="reliability")
-    if arguments.each:
-        for index in np.flatnonzero(held_ok & ~right):
-            print([str(own[name][index]) for name in ("scene", "kind", "method")], end=" ")
-            print(f"{own['metres'][index]:.2f} m {own['degrees'][index]:.2f} deg", end=" ")
-            print(f"{held_out[index]:.3f}", np.round(features[index], 2).tolist())
-    if arguments.figure is not None:
-        draw(arguments.figure, held_out, right)
+    return rows
 
 
-def reliability(predicted: Numbers, right: NDArray[np.bool_]) -> list[list[str]]:
+def print_each(one: LeftOut, own: dict[str, Any]) -> None:
+    """Print every wrong pose that is called ok."""
+    for index in np.flatnonzero(one.ok & ~one.right):
+        names = ("scene", "world", "sensor", "kind", "method")
+        print([str(own[name][index]) for name in names], end=" ")
+        print(f"{own['metres'][index]:.2f} m {own['degrees'][index]:.2f} deg", end=" ")
+        print(f"{one.held_out[index]:.3f}", np.round(own["features"][index], 2).tolist())
+
+
+def reliability(predicted: Numbers, right: Mask) -> list[list[str]]:
     """Return mean probability and ratio of correct poses by bins of the probability."""
     bins = np.digitize(predicted, _BINS[1:-1])
     return [
@@ -167,7 +221,7 @@ def reliability(predicted: Numbers, right: NDArray[np.bool_]) -> list[list[str]]
     ]
 
 
-def draw(path: Path, predicted: Numbers, right: NDArray[np.bool_]) -> None:
+def draw(path: Path, predicted: Numbers, right: Mask) -> None:
     """Write the reliability diagram."""
     from scanlock.report.canvas import save_figure
     from scanlock.report.reliability_figure import reliability_figure

@@ -38,8 +38,6 @@ class Assessment:
     shifted_score_ratio : float
         Best score of the source shifted along its least constrained directions, divided by the
         score at the pose; 0 if the low objects exclude such places, NaN if unknown.
-    scale_difference : tuple of float
-        Relative difference of scale of the scans, and its standard deviation; NaN if unknown.
     overlap_centroid : (3,) or None [m]
         Centroid of the surfaces that both scans share, in the target's local frame; None if they
         share none.
@@ -49,7 +47,6 @@ class Assessment:
     observability: Observability | None
     runner_up_ratio: float = math.nan
     shifted_score_ratio: float = math.nan
-    scale_difference: tuple[float, float] = (math.nan, math.nan)
     overlap_centroid: Vector | None = None
 
     __repr__ = short_repr
@@ -122,11 +119,12 @@ def assess_pose(
             runner_up_ratio=_max_known([agreement_ratio(candidates), *shifted]),
             object_log_odds=log_odds,
             self_similarity=similarity,
+            scale_difference=refinement.scale_difference[0],
+            scale_deviation=refinement.scale_difference[1],
         ),
         observability=observability,
         runner_up_ratio=runner_up_ratio,
         shifted_score_ratio=_max_known(shifted),
-        scale_difference=refinement.scale_difference,
         overlap_centroid=planes.points.mean(axis=0) if len(planes.points) else None,
     )
 

@@ -96,13 +96,18 @@ def decide_status(
             f"{facts}: the pose {outcome}, its probability is {probability:.2f}; use a better "
             "initial pose, or scans closer together"
         )
-    difference, deviation = assessment.scale_difference
-    if abs(difference) > max(_MAX_SCALE_DIFFERENCE, _SCALE_DEVIATIONS * deviation):
+    if has_other_scale(metrics):
         return Status.UNVERIFIED, (
-            f"{facts}, but the scales of the scans differ by about {abs(difference):.1%}; check "
-            "the units and the calibration"
+            f"{facts}, but the scales of the scans differ by about "
+            f"{abs(metrics.scale_difference):.1%}; check the units and the calibration"
         )
     return Status.OK, f"{facts}, probability {probability:.3f}"
+
+
+def has_other_scale(metrics: Metrics) -> bool:
+    """Return whether the scales of the scans differ, significantly and by more than 0.4 %."""
+    significant = _SCALE_DEVIATIONS * metrics.scale_deviation
+    return abs(metrics.scale_difference) > max(_MAX_SCALE_DIFFERENCE, significant)
 
 
 def _other_pose(

@@ -59,9 +59,14 @@ class Metrics:
         that are in its free space. Higher is better: streets have 15 to 100, scenes without such
         objects 0. NaN if no frame has its origin at the sensor.
     self_similarity : float
-        Largest correlation of the view from above of both scans with themselves displaced by a
-        period of 1.5 to 20 m, in [0, 1]; 0 without periods. Colonnades and car parks have 0.5 and
-        more.
+        Largest correlation of the view from above of both scans with themselves after a motion of
+        1.5 to 20 m, a quarter turn or half a turn, in [0, 1]; 0 without one. Colonnades and car
+        parks have 0.5 and more.
+    scale_difference : float
+        Relative difference of scale of the source that point-to-plane refinement would estimate
+        as a seventh parameter. Scans of one scale have 0.0005 or less.
+    scale_deviation : float
+        Standard deviation of the difference of scale.
     """
 
     overlap: float = math.nan
@@ -76,5 +81,7 @@ class Metrics:
     runner_up_ratio: float = math.nan
     object_log_odds: float = math.nan
     self_similarity: float = math.nan
+    scale_difference: float = math.nan
+    scale_deviation: float = math.nan
 
     __repr__ = short_repr

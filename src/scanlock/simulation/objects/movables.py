@@ -61,6 +61,8 @@ def forklift(rng: np.random.Generator) -> Surfaces:
     body = blocks(
         [
             (-0.9, 0.7, -0.55, 0.55, 0.15, 1.0),
+            (-0.7, -0.3, -0.5, 0.5, 0.0, 0.15),
+            (0.2, 0.6, -0.5, 0.5, 0.0, 0.15),
             (0.7, 0.85, -0.4, 0.4, 0.05, mast),
             (0.85, 1.9, -0.35, -0.2, 0.05, 0.1),
             (0.85, 1.9, 0.2, 0.35, 0.05, 0.1),
@@ -128,7 +130,7 @@ def sofa(rng: np.random.Generator) -> Surfaces:
     x, seat, back = 0.5 * rng.uniform(0.8, 2.2), rng.uniform(0.38, 0.46), rng.uniform(0.75, 0.95)
     return blocks(
         [
-            (-x, x, -0.45, 0.45, 0.08, seat),
+            (-x, x, -0.45, 0.45, 0.0, seat),
             (-x, x, 0.25, 0.45, seat, back),
             (-x, 0.16 - x, -0.45, 0.45, seat, seat + 0.2),
             (x - 0.16, x, -0.45, 0.45, seat, seat + 0.2),
@@ -181,4 +183,4 @@ def container(rng: np.random.Generator) -> Surfaces:
     count = int(rng.integers(1, 4))
     shifts = rng.normal(0.0, 0.03, (count, 2))
     centres = np.column_stack([shifts, 2.59 * (np.arange(count) + 0.5)])
-    return boxes(centres, [3.03, 1.22, 1.29], SurfaceClass.BUILDING)
+    return boxes(centres, [3.03, 1.22, 1.295], SurfaceClass.BUILDING)

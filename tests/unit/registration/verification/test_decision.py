@@ -197,7 +197,7 @@ def test_another_verified_pose_is_a_other(metres, degrees, probability, expected
     ],
 )
 def test_scans_of_different_scale_are_not_ok(difference, deviation, expected):
-    assessment = replace(_assessment(), scale_difference=(difference, deviation))
+    assessment = _assessment(scale_difference=difference, scale_deviation=deviation)
     status, sentence = decide_status(_solution(), assessment, 0.99)
     assert status is expected
     assert ("scales of the scans" in sentence) is (expected is Status.UNVERIFIED)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scanlock.simulation import SurfaceClass
-from scanlock.simulation.objects import buildings, furniture, plants, traffic
+from scanlock.simulation.objects import buildings, furniture, movables, plants, traffic
 
 _OBJECTS = {
     "tree": (lambda r: plants.tree(r, height=9.0, crown_radius=2.5, trunk_radius=0.2),
@@ -28,6 +28,21 @@ _OBJECTS = {
     "person": (traffic.person, {SurfaceClass.PERSON}, 2.1),
     "house": (lambda r: buildings.house(r, width=14.0, depth=9.0, storeys=3, forecourt=2.0),
               {SurfaceClass.BUILDING}, 19.0),
+    "crate": (movables.crate, {SurfaceClass.FURNITURE}, 1.8),
+    "pallet": (movables.pallet, {SurfaceClass.FURNITURE}, 1.8),
+    "rack load": (movables.rack_load, {SurfaceClass.FURNITURE}, 1.3),
+    "trolley": (movables.trolley, {SurfaceClass.FURNITURE}, 1.1),
+    "forklift": (movables.forklift, {SurfaceClass.CAR}, 2.7),
+    "traffic cone": (movables.traffic_cone, {SurfaceClass.FURNITURE}, 1.0),
+    "chair": (movables.chair, {SurfaceClass.FURNITURE}, 1.1),
+    "table": (movables.table, {SurfaceClass.FURNITURE}, 1.3),
+    "shelf": (movables.shelf, {SurfaceClass.FURNITURE}, 2.3),
+    "sofa": (movables.sofa, {SurfaceClass.FURNITURE}, 1.0),
+    "bench": (movables.bench, {SurfaceClass.FURNITURE}, 1.0),
+    "planter": (movables.planter, {SurfaceClass.FURNITURE, SurfaceClass.SHRUB}, 1.7),
+    "bicycle": (movables.bicycle, {SurfaceClass.FURNITURE}, 1.1),
+    "container": (movables.container, {SurfaceClass.BUILDING}, 7.8),
+    "rubbish bins": (movables.rubbish_bins, {SurfaceClass.FURNITURE}, 1.3),
     "shed": (lambda r: buildings.shed(r, width=4.0, depth=5.0), {SurfaceClass.BUILDING}, 8.0),
 }  # fmt: skip
 

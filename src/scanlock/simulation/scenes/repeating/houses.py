@@ -27,6 +27,9 @@ _GARDEN = 3.0
 _PAVEMENT = 2.0
 """Width of a pavement [m]."""
 
+_CLEAR = 4.0
+"""Length without parked cars at a crossing, behind the kerb of the other street [m]."""
+
 
 def terraced_street(
     visit: Visit,
@@ -120,7 +123,9 @@ def crossroads(
             ends = (low, high) if flip == 0.0 else (-high, -low)
             pose = Pose(_turned(turn + flip), np.zeros(3))
             _build_row(dealer, home, pose, *ends, width, kerb)
-            _deal_row(dealer, turn + flip, *ends, width, kerb)
+            # Things stand nearer to the crossing than the houses.
+            near, far = (_CLEAR + kerb, high) if flip == 0.0 else (-high, -_CLEAR - kerb)
+            _deal_row(dealer, turn + flip, near, far, width, kerb)
     return dealer.finished(
         "crossroads", lane(-8.0, 9.0, -1.0), 1.8, Pose(_turned(0.5 * math.pi), np.zeros(3))
     )
