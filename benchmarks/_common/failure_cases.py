@@ -51,9 +51,6 @@ _REAL_SENSORS = {
 _KINDS = {"tunnel": "ringed_tunnel", "crossing": "crossroads", "terrace": "terraced_street"}
 """Worlds that repeat of the same kind as a world without a single correct pose."""
 
-_MAX_PAIRS = 15
-"""Maximum number of pairs per group of real pairs, evenly spaced."""
-
 _SECTORS = (120.0, 180.0, 240.0)
 """Angles of the sectors that scans are cropped to [deg]."""
 
@@ -93,11 +90,11 @@ class Place:
     sensor: str
 
 
-def real_cases(pairs: Sequence[RealPair]) -> Iterator[Case]:
-    """Yield the cases of one group of real pairs."""
+def real_cases(pairs: Sequence[RealPair], max_pairs: int) -> Iterator[Case]:
+    """Yield the cases of one group of real pairs, at most `max_pairs` of them evenly spaced."""
     group = pairs[0].group
     rng = np.random.default_rng(zlib.crc32(group.encode()))
-    chosen = np.unique(np.linspace(0, len(pairs) - 1, _MAX_PAIRS).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(pairs) - 1, max_pairs).round().astype(int))
     chosen = [int(index) for index in chosen]
     turns = 3 if len(chosen) > 4 else 8
     for index in chosen:

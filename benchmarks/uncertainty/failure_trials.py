@@ -146,6 +146,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument(
+        "--real-pairs", type=int, default=15, help="pairs of each group of real pairs"
+    )
+    parser.add_argument(
         "--other-places", type=int, default=3000, help="real pairs of different places"
     )
     parser.add_argument("--simulated", type=int, default=120, help="simulated scenes")
