@@ -112,7 +112,8 @@ def case_batches(arguments: argparse.Namespace) -> list[Callable[[], Iterator[Ca
         groups: dict[str, list[str]] = {}
         for pair in all_pairs(arguments.data):
             groups.setdefault(pair.group, []).append(pair.name)
-        for make_cases in (failure_cases.real_cases, scene_cases.real_distorted_cases):
+        real_cases = partial(failure_cases.real_cases, max_pairs=arguments.real_pairs)
+        for make_cases in (real_cases, scene_cases.real_distorted_cases):
             work += [partial(real_work, arguments.data, group, make_cases) for group in groups]
         for first in range(0, arguments.other_places, 150):
             count = min(150, arguments.other_places - first)
