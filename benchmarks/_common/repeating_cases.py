@@ -39,6 +39,9 @@ _CHANGED = (0.0, 0.3, 0.6)
 _BASELINES = ((0.3, 1.5), (1.5, 4.0), (4.0, 8.0))
 """Distances between the scans [m], cycled."""
 
+_BASELINE_IN_ROOMS = (0.3, 2.0)
+"""Distances in rooms and stairwells [m], where scans overlap no farther apart."""
+
 _OTHER_SEED = 1_000_000
 """Difference of the seeds of two places of the same kind."""
 
@@ -98,6 +101,8 @@ def _site(seed: int) -> _Site:
     name = tuple(REPEATING)[seed % len(REPEATING)]
     sensor = sensor_at(seed + turn)
     sizes = sizes_of(name, rng)
+    is_small = name in ("furnished_room", "stairwell")
+    baseline = _BASELINE_IN_ROOMS if is_small else _BASELINES[seed % len(_BASELINES)]
     world = REPEATING[name](Visit(seed=seed), things=0.0, **sizes)
     return _Site(
         name=name,
@@ -105,7 +110,7 @@ def _site(seed: int) -> _Site:
         sizes=sizes,
         things=_THINGS[turn % len(_THINGS)],
         sensor=sensor,
-        poses=_poses(world, sensor, _BASELINES[seed % len(_BASELINES)], rng),
+        poses=_poses(world, sensor, baseline, rng),
         symmetry=world.symmetry,
         rng=rng,
     )

@@ -72,7 +72,7 @@ def terraced_street(
     for turn in (0.0, math.pi):
         _build_row(dealer, home, Pose(_turned(turn), np.zeros(3)), -half, half, width, kerb)
         _deal_row(dealer, turn, -half, half, width, kerb)
-    places = lane(-0.3 * half, 0.3 * half, -0.2 * road)
+    places = lane(-0.3 * half, 0.3 * half)
     return dealer.finished("terraced_street", places, 1.8, shifted(x=width))
 
 
@@ -118,7 +118,9 @@ def crossroads(
     # The gardens of two streets share a corner.
     low = kerb + _PAVEMENT + _GARDEN + 9.0
     high = low + width * houses
+    corner = blocks([(kerb, low, kerb, low, -0.2, 0.12)], SurfaceClass.GROUND)
     for turn in 0.5 * math.pi * np.arange(4):
+        dealer.builder.add(corner.moved(Pose(_turned(turn), np.zeros(3))))
         for flip in (0.0, math.pi):
             ends = (low, high) if flip == 0.0 else (-high, -low)
             pose = Pose(_turned(turn + flip), np.zeros(3))
@@ -162,10 +164,7 @@ def _build_row(
     for index in range(round((high - low) / width)):
         at = np.array([low + width * (index + 0.5), kerb + _PAVEMENT, 0.0])
         dealer.builder.add(home, pose @ upright_pose(at, 0.0))
-    # At a crossing the pavement goes on in front of the corner.
-    begin = kerb if low > 0.0 else low
-    end = -kerb if high < 0.0 else high
-    strip = (begin, end, kerb, kerb + _PAVEMENT, -0.2, 0.12)
+    strip = (low, high, kerb, kerb + _PAVEMENT, -0.2, 0.12)
     dealer.builder.add(blocks([strip], SurfaceClass.GROUND).moved(pose))
 
 
