@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
-from scanlock.errors import require_at_least, require_positive
+from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.models.gaussians import Gaussians
 from scanlock.segmentation.ground.finder import Ground, GroundStatus
 from scanlock.segmentation.segmentation import Segmenter, obstacle_points, upright
@@ -63,7 +63,12 @@ class ClusterGaussianExtractor:
     """Minimum standard deviation of a Gaussian along any axis [m]. It covers sensor noise and the
     variation of a cluster's mean between two views."""
 
+    max_gaussians: int = 20_000
+    """Maximum number of Gaussians of a scale, those of the most points first. A scan has up to
+    2200, a square kilometre of forest about 25,000."""
+
     def __post_init__(self) -> None:
+        require_count("max_gaussians", self.max_gaussians, MIN_GAUSSIANS)
         require_positive("min_deviation", self.min_deviation, unit="m")
         require_at_least("segmenter.clusters.min_points", self.segmenter.clusters.min_points, 2)
 
@@ -100,7 +105,9 @@ class ClusterGaussianExtractor:
         with clock.stage("clusters"):
             sets = self._gaussians(obstacles, ground, distinct_radii)
             of_radius = {
-                radius: gaussians.regularised(self.min_deviation)
+                radius: gaussians.most_populated(self.max_gaussians).regularised(
+                    self.min_deviation
+                )
                 for radius, gaussians in zip(distinct_radii, sets, strict=True)
             }
         scales = tuple(of_radius[radius] for radius in radii)

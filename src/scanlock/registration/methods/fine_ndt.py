@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import InvalidInput, require_positive
+from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
@@ -85,6 +85,14 @@ class FineNdt:
     """Shapes of the score if either cloud is sparse. Their Gaussians have few points, and a sharper
     score has minima where the noise of these points agrees."""
 
+    max_cells: int = 3500
+    """Maximum number of Gaussians of the source for each grid, those of the most points first.
+    Scans of vehicles have up to 3000."""
+
+    max_joined_cells: int = 200_000
+    """Maximum number of Gaussians of the first grid for which there are others: so many constrain
+    a pose without them."""
+
     weight_power: float = 0.25
     """Exponent of the number of points in the weight of a Gaussian."""
 
@@ -113,6 +121,8 @@ class FineNdt:
             if not getattr(self, name):
                 raise InvalidInput(f"{name} must not be empty")
         require_positive("weight_power", self.weight_power)
+        require_count("max_cells", self.max_cells, MIN_GAUSSIANS)
+        require_count("max_joined_cells", self.max_joined_cells, 0)
         require_positive("coarse_tolerance", self.coarse_tolerance, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
@@ -139,9 +149,13 @@ class FineNdt:
         target, source = self._with_size(target, cell_size), self._with_size(source, cell_size)
 
         def objective(shape: ScoreShape, is_last: bool) -> Objective:
+            fixed, moving = (
+                scan.gaussians if is_last else scan.first_grid for scan in (target, source)
+            )
+            grids = len(self.offsets) if is_last else 1
             score = GaussiansToGaussians(
-                target=target.gaussians if is_last else target.first_grid,
-                source=source.gaussians if is_last else source.first_grid,
+                target=fixed,
+                source=moving.most_populated(grids * self.max_cells),
                 shape=shape,
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,
@@ -161,10 +175,14 @@ class FineNdt:
 
     def _scan(self, points: Points, cell_size: float, is_sparse: bool) -> FineNdtScan:
         grid = self.sparse_grid if is_sparse else self.grid
-        grids = parallel_map(
-            lambda offset: replace(grid, offset=offset).gaussians(points, cell_size).gaussians,
-            self.offsets,
-        )
+
+        def gaussians(offset: float) -> Gaussians:
+            return replace(grid, offset=offset).gaussians(points, cell_size).gaussians
+
+        first, *others = self.offsets
+        grids = [gaussians(first)]
+        if len(grids[0]) <= self.max_joined_cells:
+            grids += parallel_map(gaussians, others)
         return FineNdtScan(
             points=points,
             cell_size=cell_size,
