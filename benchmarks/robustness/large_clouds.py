@@ -145,7 +145,9 @@ def main() -> None:
             metres, degrees = pose_error(Pose.from_matrix(found["pose"]), case[2])
             error = f"{metres:.3f} m, {degrees:.2f}°"
         claimed = "yes" if found["ok"] else "no"
-        rows.append((name, count, f"{found['seconds']:.1f}", f"{found['ratio']:.1f}", error, claimed))
+        rows.append(
+            (name, count, f"{found['seconds']:.1f}", f"{found['ratio']:.1f}", error, claimed)
+        )
     results = Results(arguments.json)
     results.add_table(
         ("clouds", "points", "CPU s", "memory / input", "error", "called ok"), rows,
