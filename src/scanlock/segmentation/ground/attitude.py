@@ -63,10 +63,14 @@ def likely_ups(points: Points, near_z: Ground) -> list[Vector]:
     if len(points) == 0:
         return []
     sample = SurfaceSample.of(points)
-    planes, min_score = sample.dominant_planes(), 0.0
-    if near_z.status is not GroundStatus.NONE:
-        own = sample.score(near_z.up, float(near_z.plane[3]))
-        min_score = _MIN_SCORE_RATIO * max(own, 0.0)
-        if planes and planes[0].normal @ near_z.up > math.cos(_SAME_ANGLE):
-            return []
-    return [one.normal for one in planes if one.score > min_score]
+    planes = sample.dominant_planes()
+    if near_z.status is GroundStatus.NONE or not planes:
+        return [one.normal for one in planes]
+    if angle_between(planes[0].normal, near_z.up) < _SAME_ANGLE:
+        return []
+    up, offset = near_z.up, float(near_z.plane[3])
+    own = max(sample.score(up, offset), 0.0)
+    if sample.score(-up, -offset) > own:
+        # The ground is upside down.
+        own = 0.0
+    return [one.normal for one in planes if one.score > _MIN_SCORE_RATIO * own]
