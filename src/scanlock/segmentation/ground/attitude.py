@@ -1,4 +1,4 @@
-"""Likely upward directions of a cloud whose z axis may have any direction."""
+"""Upward direction of a cloud whose z axis may have any direction."""
 
 import math
 
@@ -23,6 +23,12 @@ _MIN_SCORE_RATIO = 1.3
 """Score of a plane, relative to that of the ground near the z axis, above which it comes first
 (ours)."""
 
+_MAX_RIVAL_RATIO = 0.75
+"""Score of the second plane, relative to the best one, above which neither is the ground (ours).
+
+Outdoors it is below 0.7. In rooms it is above 0.7, and walls often have the highest score.
+"""
+
 _SAME_ANGLE = math.radians(20.0)
 """Angle between two upward directions below which they are the same (ours)."""
 
@@ -45,8 +51,8 @@ def is_evident(ground: Ground) -> bool:
     )
 
 
-def likely_ups(points: Points, near_z: Ground) -> list[Vector]:
-    """Return upward directions of a cloud that are likelier than that of a ground near its z axis.
+def likelier_up(points: Points, near_z: Ground) -> Vector | None:
+    """Return the upward direction of a cloud if it is not that of the ground near its z axis.
 
     Parameters
     ----------
@@ -57,20 +63,25 @@ def likely_ups(points: Points, near_z: Ground) -> list[Vector]:
 
     Returns
     -------
-    list of (3,)
-        Normals of dominant planes, best first; none if the ground near the z axis is as likely.
+    (3,) or None
+        Normal of the dominant plane. None without one, or if the ground near the z axis is as
+        likely.
     """
     if len(points) == 0:
-        return []
+        return None
     sample = SurfaceSample.of(points)
     planes = sample.dominant_planes()
-    if near_z.status is GroundStatus.NONE or not planes:
-        return [one.normal for one in planes]
-    if angle_between(planes[0].normal, near_z.up) < _SAME_ANGLE:
-        return []
+    if not planes:
+        return None
+    best = planes[0]
+    rivals = (one for one in planes[1:] if not one.is_other_side_of(best))
+    if any(one.score > _MAX_RIVAL_RATIO * best.score for one in rivals):
+        return None
+    if near_z.status is GroundStatus.NONE:
+        return best.normal
     up, offset = near_z.up, float(near_z.plane[3])
-    own = max(sample.score(up, offset), 0.0)
-    if sample.score(-up, -offset) > own:
-        # The ground is upside down.
-        own = 0.0
-    return [one.normal for one in planes if one.score > _MIN_SCORE_RATIO * own]
+    own = sample.score(up, offset)
+    is_upside_down = sample.score(-up, -offset) > own
+    if angle_between(best.normal, up) < _SAME_ANGLE:
+        return None
+    return best.normal if is_upside_down or best.score > _MIN_SCORE_RATIO * own else None

@@ -41,6 +41,9 @@ _MAX_PLANES = 6
 _MIN_COSINE = math.cos(math.radians(30.0))
 """Cosine of the smallest angle between the normals of two planes (ours)."""
 
+_SAME_OFFSET = 0.5
+"""Difference of the offsets of one plane and of its other side [m] (ours)."""
+
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 _SEQUENCE_STEPS = 1.2207440846057596 ** -np.array([1.0, 2.0, 3.0])
 """Steps of the R3 sequence: powers of the root of x**4 = x + 1."""
@@ -52,6 +55,11 @@ class ScoredPlane(NamedTuple):
     normal: Vector
     offset: float
     score: float
+
+    def is_other_side_of(self, other: "ScoredPlane") -> bool:
+        """Return whether this is the other plane, upside down."""
+        is_opposite = float(self.normal @ other.normal) < -_MIN_COSINE
+        return is_opposite and abs(self.offset + other.offset) < _SAME_OFFSET
 
 
 @dataclass(frozen=True, slots=True, eq=False)

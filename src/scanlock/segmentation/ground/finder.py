@@ -19,7 +19,7 @@ from scanlock.errors import InvalidInput, require_count, require_fraction, requi
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.model import extent
 from scanlock.kernels.ground.point_passes import classify_points, rotated_points
-from scanlock.segmentation.ground.attitude import Z_AXIS, angle_between, is_evident, likely_ups
+from scanlock.segmentation.ground.attitude import Z_AXIS, angle_between, is_evident, likelier_up
 from scanlock.segmentation.ground.base import fit_base_surface
 from scanlock.segmentation.ground.gaussian_process import (
     GaussianProcess,
@@ -124,12 +124,11 @@ class GroundFinder:
         upright = self._find_about(cloud, np.eye(3))
         if self.max_tilt <= _MAX_CORRECTION or is_evident(upright):
             return upright
-        for up in likely_ups(cloud.measured_points, upright):
-            if angle_between(up, Z_AXIS) <= self.max_tilt:
-                ground = self._find_about(cloud, rotation_onto_z(up))
-                if ground.status is not GroundStatus.NONE:
-                    return ground
-        return upright
+        up = likelier_up(cloud.measured_points, upright)
+        if up is None or angle_between(up, Z_AXIS) > self.max_tilt:
+            return upright
+        ground = self._find_about(cloud, rotation_onto_z(up))
+        return upright if ground.status is GroundStatus.NONE else ground
 
     def _find_about(self, cloud: PointCloud, rotation: Matrix) -> Ground:
         """Find the ground of a cloud that is roughly upright after a rotation."""
