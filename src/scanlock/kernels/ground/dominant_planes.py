@@ -45,9 +45,9 @@ def scored_triples(
     """
     planes = np.empty((triples.shape[0], 5), np.float64)
     for t in range(triples.shape[0]):
-        i = triples[t, 0]
-        j = triples[t, 1]
-        k = triples[t, 2]
+        i = int(triples[t, 0])
+        j = int(triples[t, 1])
+        k = int(triples[t, 2])
         ax = x[j] - x[i]
         ay = y[j] - y[i]
         az = z[j] - z[i]

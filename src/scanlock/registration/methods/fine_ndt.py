@@ -42,6 +42,8 @@ class FineNdtScan:
         Gaussians of the cells of the first grid only.
     is_sparse : bool
         Whether the settings for sparse clouds apply.
+    grid_count : int
+        Number of grids.
     """
 
     points: Points
@@ -49,6 +51,7 @@ class FineNdtScan:
     gaussians: Gaussians
     first_grid: Gaussians
     is_sparse: bool = False
+    grid_count: int = 1
 
     __repr__ = short_repr
 
@@ -89,9 +92,9 @@ class FineNdt:
     """Maximum number of Gaussians of the source for each grid, those of the most points first.
     Scans of vehicles have up to 3000."""
 
-    max_joined_cells: int = 200_000
-    """Maximum number of Gaussians of the first grid for which there are others: so many constrain
-    a pose without them."""
+    max_points: int = 800_000
+    """Maximum number of points of a cloud with all grids. A larger one has the first grid only,
+    whose cells are enough for a pose, to save memory."""
 
     weight_power: float = 0.25
     """Exponent of the number of points in the weight of a Gaussian."""
@@ -122,7 +125,7 @@ class FineNdt:
                 raise InvalidInput(f"{name} must not be empty")
         require_positive("weight_power", self.weight_power)
         require_count("max_cells", self.max_cells, MIN_GAUSSIANS)
-        require_count("max_joined_cells", self.max_joined_cells, 0)
+        require_count("max_points", self.max_points, 0)
         require_positive("coarse_tolerance", self.coarse_tolerance, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
@@ -131,7 +134,7 @@ class FineNdt:
         smallest, *others = self.sparse_cell_sizes if is_sparse else self.cell_sizes
         scan = self._scan(points, smallest, is_sparse)
         for larger in others:
-            coverage = scan.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
+            coverage = scan.gaussians.counts.sum() / max(1, scan.grid_count * len(points))
             if coverage >= MIN_COVERAGE and len(scan.gaussians) >= MIN_GAUSSIANS:
                 break
             scan = self._scan(points, larger, is_sparse)
@@ -152,7 +155,7 @@ class FineNdt:
             fixed, moving = (
                 scan.gaussians if is_last else scan.first_grid for scan in (target, source)
             )
-            grids = len(self.offsets) if is_last else 1
+            grids = source.grid_count if is_last else 1
             score = GaussiansToGaussians(
                 target=fixed,
                 source=moving.most_populated(grids * self.max_cells),
@@ -175,18 +178,16 @@ class FineNdt:
 
     def _scan(self, points: Points, cell_size: float, is_sparse: bool) -> FineNdtScan:
         grid = self.sparse_grid if is_sparse else self.grid
-
-        def gaussians(offset: float) -> Gaussians:
-            return replace(grid, offset=offset).gaussians(points, cell_size).gaussians
-
-        first, *others = self.offsets
-        grids = [gaussians(first)]
-        if len(grids[0]) <= self.max_joined_cells:
-            grids += parallel_map(gaussians, others)
+        offsets = self.offsets if len(points) <= self.max_points else self.offsets[:1]
+        grids = parallel_map(
+            lambda offset: replace(grid, offset=offset).gaussians(points, cell_size).gaussians,
+            offsets,
+        )
         return FineNdtScan(
             points=points,
             cell_size=cell_size,
-            gaussians=Gaussians.joined(grids),
+            gaussians=Gaussians.joined(grids) if len(grids) > 1 else grids[0],
             first_grid=grids[0],
             is_sparse=is_sparse,
+            grid_count=len(grids),
         )

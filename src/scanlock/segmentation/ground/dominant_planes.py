@@ -97,7 +97,8 @@ class SurfaceSample:
 
     def score(self, normal: Vector, offset: float) -> float:
         """Return the score of a plane as the ground."""
-        return float(plane_score(*self._columns(self.points), *normal.tolist(), offset))
+        nx, ny, nz = normal.tolist()
+        return float(plane_score(*self._columns(self.points), nx, ny, nz, offset))
 
     def dominant_planes(self) -> list[ScoredPlane]:
         """Return distinct planes with positive scores, best first; deterministic."""
@@ -131,10 +132,10 @@ class SurfaceSample:
             return []
         return [ScoredPlane(levelling.T @ np.array([nx, ny, nz]), d, score)]
 
-    def _columns(self, points: Points) -> list[Vector]:
+    def _columns(self, points: Points) -> tuple[Vector, Vector, Vector, Vector, Vector]:
         """Return x, y, z, weights and inverse thresholds."""
-        columns = (*points.T, self.weights, self.inverse_thresholds)
-        return [read_only(np.ascontiguousarray(one)) for one in columns]
+        x, y, z = (read_only(np.ascontiguousarray(points[:, axis])) for axis in range(3))
+        return x, y, z, self.weights, self.inverse_thresholds
 
 
 def _distinct(planes: list[ScoredPlane]) -> list[ScoredPlane]:
