@@ -188,6 +188,7 @@ def ground(file: File) -> Table:
 
 SECTIONS: dict[str, Callable[[File], Table]] = {
     "any_start": any_start,
+    "any_rotation": any_start,
     "basin": basin,
     "real_pairs": real_pairs,
     "split_scans": lambda file: file.table("all scans"),

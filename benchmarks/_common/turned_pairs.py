@@ -1,4 +1,4 @@
-"""Real pairs at random headings: which pairs, which headings, and the tolerance of each group."""
+"""Real pairs, turned: which pairs, which headings or rotations, the tolerance of each group."""
 
 import math
 import zlib
@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks._common import real_scans
 from benchmarks._common.contenders import MAX_DEGREES, MAX_METRES
@@ -47,6 +48,13 @@ def headings(group: str, pair: int, count: int) -> list[Pose]:
     rng = np.random.default_rng([zlib.crc32(group.encode()), pair])
     angles = rng.uniform(-math.pi, math.pi, count)
     return [Pose.from_step(np.array([0.0, 0.0, 0.0, 0.0, 0.0, angle])) for angle in angles]
+
+
+def rotations(group: str, pair: int, count: int) -> list[Pose]:
+    """Return rotations that are uniform over all attitudes, seeded by group and pair."""
+    rng = np.random.default_rng([zlib.crc32(group.encode()), pair, 1])
+    turns = Rotation.random(count, rng=rng)
+    return [Pose(turn.as_matrix(), np.zeros(3)) for turn in turns]
 
 
 def tolerance_of(group: str) -> tuple[float, float]:

@@ -50,6 +50,16 @@ def plane_score(points, weights, thresholds, normal, offset):
     return float(np.where(np.abs(h) < 1, weights * (1 - h**2), -0.5 * weights * (h < -2)).sum())
 
 
+def scored_triple(points, weights, thresholds, triple, scored):
+    """Plane through three points, the side of the higher score up, and its score."""
+    a, b, c = points[triple]
+    up = np.cross(b - a, c - a)
+    up /= np.linalg.norm(up)
+    first = [one[:scored] for one in (points, weights, thresholds)]
+    sides = [(*side, -side @ a, plane_score(*first, side, -side @ a)) for side in (up, -up)]
+    return max(sides, key=lambda side: side[4])
+
+
 def biweight_plane(points, weights, thresholds, factor, normal, offset):
     """Normal and offset of the weighted least-squares plane of the points near a plane."""
     h = (points @ normal + offset) / (factor * thresholds)

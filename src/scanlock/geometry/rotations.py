@@ -107,11 +107,15 @@ def nearest_rotation(matrix: Matrix) -> Matrix:
 
 
 def rotation_onto_z(direction: Vector) -> Matrix:
-    """Return the smallest rotation that maps a unit vector to the z axis.
+    """Return a rotation that maps a unit vector to the z axis.
 
-    The direction must not be -z, where the rotation is not unique.
+    For an upward vector it is the smallest one. For a downward one, half a turn about the x axis
+    comes first: the smallest rotation is not unique at -z, and inaccurate nearby.
     """
     x, y, z = direction
+    if z < 0.0:
+        half_turn = np.array([1.0, -1.0, -1.0])
+        return rotation_onto_z(half_turn * direction) * half_turn
     scale = 1.0 / (1.0 + z)
     # fmt: off
     return np.array([[1.0 - scale * x * x,      -scale * x * y,  -x],

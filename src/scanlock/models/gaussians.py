@@ -165,6 +165,16 @@ class Gaussians:
         """Return the Gaussians at the given rows, in that order, or of a mask."""
         return Gaussians(self.means[rows], self.packed_covariances[rows], self.counts[rows])
 
+    def most_populated(self, count: int) -> "Gaussians":
+        """Return the `count` Gaussians of the most points, in their order; all if there are fewer.
+
+        Of equally many points, the first ones are taken.
+        """
+        if len(self) <= count:
+            return self
+        order = np.argsort(-self.counts, kind="stable")[:count]
+        return self.taken(np.sort(order))
+
     def regularised(self, deviation: float, ratio: float = 0.0) -> "Gaussians":
         """Return the Gaussians with their principal variances raised to a minimum.
 

@@ -98,6 +98,7 @@ def warm_up_steps() -> list[Callable[[], object]]:
 
     stages = [
         partial(GroundFinder().find, cloud),
+        partial(GroundFinder(max_tilt=math.pi).find, PointCloud.from_array(scan[:, ::-1])),
         partial(segment, scan),
         partial(segment, tilted),
         partial(Segmenter(ground=PublishedGroundFinder()).segment, scan),

@@ -1,14 +1,15 @@
 """Gaussians of the clusters of one scan: Algorithm 1, lines 1 to 5, of Das et al. 2013."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.voxel_grid import voxel_labels
-from scanlock.errors import require_at_least, require_positive
+from scanlock.errors import require_at_least, require_count, require_positive
 from scanlock.models.gaussians import Gaussians
-from scanlock.segmentation.ground.finder import Ground, GroundStatus
+from scanlock.segmentation.ground.finder import Ground, GroundFinder, GroundStatus
 from scanlock.segmentation.segmentation import Segmenter, obstacle_points, upright
 from scanlock.timing import StageClock
 
@@ -59,14 +60,25 @@ class ClusterGaussians:
 class ClusterGaussianExtractor:
     """Settings of the extraction: remove the ground, cluster the rest, fit a Gaussian to each."""
 
-    segmenter: Segmenter = field(default_factory=Segmenter)
-    """Ground and cluster finder. Its maximum cluster radius is not used: each scale has its own."""
+    segmenter: Segmenter = field(
+        default_factory=lambda: Segmenter(ground=GroundFinder(max_tilt=math.pi))
+    )
+    """Ground and cluster finder. Its maximum cluster radius is not used: each scale has its own.
+
+    The ground may have any tilt. A wall instead of it is as good for the search, if both scans
+    take the same one.
+    """
 
     min_deviation: float = 0.1
     """Minimum standard deviation of a Gaussian along any axis [m]. It covers sensor noise and the
     variation of a cluster's mean between two views."""
 
+    max_gaussians: int = 20_000
+    """Maximum number of Gaussians of a scale, those of the most points first. A scan has up to
+    2200, a square kilometre of forest about 25,000."""
+
     def __post_init__(self) -> None:
+        require_count("max_gaussians", self.max_gaussians, MIN_GAUSSIANS)
         require_positive("min_deviation", self.min_deviation, unit="m")
         require_at_least("segmenter.clusters.min_points", self.segmenter.clusters.min_points, 2)
 
@@ -103,7 +115,7 @@ class ClusterGaussianExtractor:
         with clock.stage("clusters"):
             sets = self._gaussians(obstacles, ground, distinct_radii)
             of_radius = {
-                radius: gaussians.regularised(self.min_deviation)
+                radius: gaussians.most_populated(self.max_gaussians).regularised(self.min_deviation)
                 for radius, gaussians in zip(distinct_radii, sets, strict=True)
             }
         scales = tuple(of_radius[radius] for radius in radii)

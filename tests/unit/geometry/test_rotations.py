@@ -9,6 +9,7 @@ from scanlock.geometry.rotations import (
     nearest_rotation,
     quaternion_from_rotation,
     rotation_angle,
+    rotation_onto_z,
 )
 
 _ANGLES = [0.0, 1e-300, 1e-12, 1e-8, 9.9e-5, 1.01e-4, 1e-3, 0.5, 2.0, 3.1, np.pi - 1e-9, np.pi]
@@ -19,6 +20,17 @@ def _axes(count):
     corners = np.vstack([np.eye(3), -np.eye(3), [[1, 1, 0], [1, 1, 1], [-1, 1, -1]]])
     axes = np.vstack([corners, directions])
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-6, 0.1])
+def test_any_direction_is_rotated_onto_z(offset):
+    for axis in (*_axes(20), np.array([np.sin(offset), 0.0, -np.cos(offset)])):
+        rotation = rotation_onto_z(axis)
+        np.testing.assert_allclose(rotation @ axis, [0.0, 0.0, 1.0], atol=1e-14)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        if axis[2] >= 0.0:
+            assert rotation_angle(rotation) == pytest.approx(np.arccos(axis[2]), abs=1e-7)
 
 
 def test_hat_is_the_cross_product():

@@ -81,3 +81,12 @@ def test_settings_out_of_range_are_refused_by_name():
     single = Segmenter(clusters=ClusterFinder(min_points=1))
     with pytest.raises(InvalidInput, match=r"clusters\.min_points must be at least 2, got 1"):
         ClusterGaussianExtractor(segmenter=single)
+
+
+def test_each_scale_has_at_most_the_largest_number_of_gaussians():
+    extractor = ClusterGaussianExtractor(max_gaussians=8)
+    bounded = extractor.extract(PointCloud.from_array(street(1)), _RADII).gaussians
+    every = ClusterGaussianExtractor().extract(PointCloud.from_array(street(1)), _RADII).gaussians
+    for few, many in zip(bounded, every, strict=True):
+        assert len(few) == min(8, len(many))
+        assert sorted(few.counts) == sorted(many.counts)[-len(few) :]

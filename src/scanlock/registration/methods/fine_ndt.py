@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from scanlock.arrays import Points, frozen, short_repr
 from scanlock.clouds.point_cloud import PointCloud
-from scanlock.errors import InvalidInput, require_positive
+from scanlock.errors import InvalidInput, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.models.gaussians import Gaussians
 from scanlock.models.voxel_gaussians import VoxelGrid
@@ -42,6 +42,8 @@ class FineNdtScan:
         Gaussians of the cells of the first grid only.
     is_sparse : bool
         Whether the settings for sparse clouds apply.
+    grid_count : int
+        Number of grids.
     """
 
     points: Points
@@ -49,6 +51,7 @@ class FineNdtScan:
     gaussians: Gaussians
     first_grid: Gaussians
     is_sparse: bool = False
+    grid_count: int = 1
 
     __repr__ = short_repr
 
@@ -85,6 +88,14 @@ class FineNdt:
     """Shapes of the score if either cloud is sparse. Their Gaussians have few points, and a sharper
     score has minima where the noise of these points agrees."""
 
+    max_cells: int = 3500
+    """Maximum number of Gaussians of the source for each grid, those of the most points first.
+    Scans of vehicles have up to 3000."""
+
+    max_points: int = 800_000
+    """Maximum number of points of a cloud with all grids. A larger one has the first grid only,
+    whose cells are enough for a pose, to save memory."""
+
     weight_power: float = 0.25
     """Exponent of the number of points in the weight of a Gaussian."""
 
@@ -113,6 +124,8 @@ class FineNdt:
             if not getattr(self, name):
                 raise InvalidInput(f"{name} must not be empty")
         require_positive("weight_power", self.weight_power)
+        require_count("max_cells", self.max_cells, MIN_GAUSSIANS)
+        require_count("max_points", self.max_points, 0)
         require_positive("coarse_tolerance", self.coarse_tolerance, unit="m")
 
     def prepare(self, cloud: PointCloud) -> FineNdtScan:
@@ -121,7 +134,7 @@ class FineNdt:
         smallest, *others = self.sparse_cell_sizes if is_sparse else self.cell_sizes
         scan = self._scan(points, smallest, is_sparse)
         for larger in others:
-            coverage = scan.gaussians.counts.sum() / max(1, len(self.offsets) * len(points))
+            coverage = scan.gaussians.counts.sum() / max(1, scan.grid_count * len(points))
             if coverage >= MIN_COVERAGE and len(scan.gaussians) >= MIN_GAUSSIANS:
                 break
             scan = self._scan(points, larger, is_sparse)
@@ -139,9 +152,13 @@ class FineNdt:
         target, source = self._with_size(target, cell_size), self._with_size(source, cell_size)
 
         def objective(shape: ScoreShape, is_last: bool) -> Objective:
+            fixed, moving = (
+                scan.gaussians if is_last else scan.first_grid for scan in (target, source)
+            )
+            grids = source.grid_count if is_last else 1
             score = GaussiansToGaussians(
-                target=target.gaussians if is_last else target.first_grid,
-                source=source.gaussians if is_last else source.first_grid,
+                target=fixed,
+                source=moving.most_populated(grids * self.max_cells),
                 shape=shape,
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,
@@ -161,14 +178,16 @@ class FineNdt:
 
     def _scan(self, points: Points, cell_size: float, is_sparse: bool) -> FineNdtScan:
         grid = self.sparse_grid if is_sparse else self.grid
+        offsets = self.offsets if len(points) <= self.max_points else self.offsets[:1]
         grids = parallel_map(
             lambda offset: replace(grid, offset=offset).gaussians(points, cell_size).gaussians,
-            self.offsets,
+            offsets,
         )
         return FineNdtScan(
             points=points,
             cell_size=cell_size,
-            gaussians=Gaussians.joined(grids),
+            gaussians=Gaussians.joined(grids) if len(grids) > 1 else grids[0],
             first_grid=grids[0],
             is_sparse=is_sparse,
+            grid_count=len(grids),
         )

@@ -79,6 +79,10 @@ class ClusterMatcher:
     """Two clusters match if each is among this number of nearest neighbours of the other in
     feature space."""
 
+    max_clusters: int = 2000
+    """Maximum number of clusters of a scan, those of the most points first. Memory is quadratic;
+    scans of vehicles have a few hundred clusters, without a ground up to 1700."""
+
     max_matches: int = 1000
     """Maximum number of matches, most similar first; the cost is quadratic."""
 
@@ -117,7 +121,7 @@ class ClusterMatcher:
     """Maximum number of hypotheses."""
 
     def __post_init__(self) -> None:
-        for name in ("nearest", "max_matches", "max_cliques", "max_hypotheses"):
+        for name in ("nearest", "max_clusters", "max_matches", "max_cliques", "max_hypotheses"):
             require_count(name, getattr(self, name))
         for name, unit in (
             ("shape_tolerance", ""),
@@ -147,7 +151,8 @@ class ClusterMatcher:
         level_from_scan : Pose or None
             Pose of the scan in its levelled frame; None if no ground was found.
         """
-        return ClusterFeatures.from_gaussians(gaussians, level_from_scan)
+        largest = gaussians.most_populated(self.max_clusters)
+        return ClusterFeatures.from_gaussians(largest, level_from_scan)
 
     def hypotheses(self, target: ClusterFeatures, source: ClusterFeatures) -> list[Hypothesis]:
         """Return the poses of the cliques, best first.

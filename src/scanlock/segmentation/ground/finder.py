@@ -12,13 +12,14 @@ from typing import Protocol
 
 import numpy as np
 
-from scanlock.arrays import Points, Vector, read_only
+from scanlock.arrays import Matrix, Points, Vector, read_only
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
 from scanlock.errors import InvalidInput, require_count, require_fraction, require_positive
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.model import extent
 from scanlock.kernels.ground.point_passes import classify_points, rotated_points
+from scanlock.segmentation.ground.attitude import Z_AXIS, angle_between, is_evident, likelier_up
 from scanlock.segmentation.ground.base import fit_base_surface
 from scanlock.segmentation.ground.gaussian_process import (
     GaussianProcess,
@@ -43,6 +44,9 @@ The foot of a wall is a line, a step of a staircase a narrow strip.
 
 _MIN_LEVELLING_SUPPORT = 0.2
 """Minimum support of a base plane that levels the cloud (ours)."""
+
+_MAX_CORRECTION = math.radians(45.0)
+"""Largest angle between the base plane and the assumed horizontal plane [rad] (ours)."""
 
 _SENSOR_PLANE = read_only(np.array([0.0, 0.0, 1.0, 0.0]))
 """Base plane of the published form: horizontal, at the height of the sensor."""
@@ -83,7 +87,11 @@ class GroundFinder:
     """Minimum number of points of a cell with a prototype."""
 
     max_tilt: float = math.radians(45.0)
-    """Largest angle between the ground normal and the z axis [rad]."""
+    """Largest angle between the ground normal and the z axis [rad].
+
+    Above 45 degrees, the dominant planes of the cloud are candidates for the ground as well. For
+    lack of a ground that can be a wall or, upside down, a ceiling.
+    """
 
     level_tilt: float = math.radians(5.0)
     """Angle between the ground normal and the z axis above which the cloud is levelled [rad]."""
@@ -102,9 +110,9 @@ class GroundFinder:
         _require_thresholds(self)
         require_fraction("min_support", self.min_support)
         require_fraction("min_sharpness", self.min_sharpness)
-        if not 0 < self.level_tilt <= self.max_tilt < math.pi / 2:
+        if not 0 < self.level_tilt <= self.max_tilt <= math.pi:
             raise InvalidInput(
-                "level_tilt and max_tilt must satisfy 0 < level_tilt <= max_tilt < pi/2, got "
+                "level_tilt and max_tilt must satisfy 0 < level_tilt <= max_tilt <= pi, got "
                 f"{self.level_tilt} and {self.max_tilt} rad"
             )
 
@@ -113,7 +121,18 @@ class GroundFinder:
 
         A cloud without ground raises nothing; see `Ground.status` and `Ground.reason`.
         """
-        level = self._levelled(cloud)
+        upright = self._find_about(cloud, np.eye(3))
+        if self.max_tilt <= _MAX_CORRECTION or is_evident(upright):
+            return upright
+        up = likelier_up(cloud.measured_points, upright)
+        if up is None or angle_between(up, Z_AXIS) > self.max_tilt:
+            return upright
+        ground = self._find_about(cloud, rotation_onto_z(up))
+        return upright if ground.status is GroundStatus.NONE else ground
+
+    def _find_about(self, cloud: PointCloud, rotation: Matrix) -> Ground:
+        """Find the ground of a cloud that is roughly upright after a rotation."""
+        level = self._levelled(cloud, rotation)
         if isinstance(level, str):
             return Ground.none(len(cloud), level)
         prototypes, plane = level.prototypes, level.plane
@@ -149,11 +168,14 @@ class GroundFinder:
             sectors=sectors,
         )
 
-    def _levelled(self, cloud: PointCloud) -> "_LevelCloud | str":
-        """Level a cloud by its base plane; return the reason where that is impossible."""
-        points, rotation = cloud.points, np.eye(3)
+    def _levelled(self, cloud: PointCloud, rotation: Matrix) -> "_LevelCloud | str":
+        """Level a rotated cloud by its base plane; return the reason where that is impossible."""
+        points, max_tilt = cloud.points, min(self.max_tilt, _MAX_CORRECTION)
+        assumed_up = rotation[2]
+        if assumed_up[2] < 1.0:
+            points = rotated_points(read_only(points), read_only(rotation))
         prototypes = Prototypes.of(points, self.grid, self.min_points)
-        plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+        plane = fit_base_plane(prototypes.points, max_tilt=max_tilt)
         # The second rotation corrects the error of prototypes found in a tilted frame.
         for _ in range(2):
             if (
@@ -166,7 +188,7 @@ class GroundFinder:
             points = rotated_points(read_only(points), read_only(levelling))
             rotation = levelling @ rotation
             prototypes = Prototypes.of(points, self.grid, self.min_points)
-            plane = fit_base_plane(prototypes.points, max_tilt=self.max_tilt)
+            plane = fit_base_plane(prototypes.points, max_tilt=max_tilt)
         if len(prototypes.points) < _MIN_PROTOTYPES:
             max_range = cloud.scale * self.grid.max_range
             return (
@@ -176,8 +198,9 @@ class GroundFinder:
         if plane is None:
             return "no plane fits the lowest points"
         level = _LevelCloud(points, rotation.T @ plane.normal, prototypes, plane)
-        if level.tilt > self.max_tilt:
-            degrees = math.degrees(level.tilt)
+        correction = angle_between(level.up, assumed_up)
+        if correction > max_tilt:
+            degrees = math.degrees(correction)
             return f"the plane of the lowest points is {degrees:.0f} degrees off the z axis"
         return level
 
@@ -224,8 +247,7 @@ class _LevelCloud:
     @property
     def tilt(self) -> float:
         """Angle between `up` and the z axis [rad]."""
-        x, y, z = self.up
-        return math.atan2(math.hypot(x, y), z)
+        return angle_between(self.up, Z_AXIS)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -17,16 +17,16 @@ If a fifth of the low points are ground, eight candidates are fits to ground poi
 _SCORED = 700
 """Number of low points that score each candidate (ours)."""
 
-_THRESHOLD_FACTORS = read_only(np.array([2.0, 1.5, 1.0, 1.0]))
+THRESHOLD_FACTORS = read_only(np.array([2.0, 1.5, 1.0, 1.0]))
 """Factors of the inlier threshold in the reweighted fits that refine the best plane (ours)."""
 
-_THRESHOLD, _THRESHOLD_SLOPE = 0.2, 0.02
+THRESHOLD, THRESHOLD_SLOPE = 0.2, 0.02
 """Inlier threshold [m] and its increase per metre of range (ours).
 
 Natural ground deviates from its tangent plane with distance.
 """
 
-_WEIGHT_RANGE = 10.0
+WEIGHT_RANGE = 10.0
 """Range r_0 [m] of the weights ``1 / (r + r_0)`` of low points at range r (ours).
 
 The ground near the sensor matters most.
@@ -94,7 +94,7 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
     n = len(low_points)
     if n < 3:
         return None
-    columns = weighted_columns(read_only(low_points), _WEIGHT_RANGE, _THRESHOLD, _THRESHOLD_SLOPE)
+    columns = weighted_columns(read_only(low_points), WEIGHT_RANGE, THRESHOLD, THRESHOLD_SLOPE)
     sample = np.ascontiguousarray(columns[:, :: max(1, n // _SCORED)])
     frozen(columns)
     frozen(sample)
@@ -106,7 +106,7 @@ def fit_base_plane(low_points: Points, *, max_tilt: float) -> BasePlane | None:
         return None
     x, y, z, weights, sharpness = columns
     nx, ny, nz, d, score = refined_plane(
-        x, y, z, weights, sharpness, _THRESHOLD_FACTORS, nx, ny, nz, d
+        x, y, z, weights, sharpness, THRESHOLD_FACTORS, nx, ny, nz, d
     )
     if score == -math.inf:
         return None

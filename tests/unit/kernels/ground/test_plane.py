@@ -6,6 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 from reference import ground as slow
 from scanlock.arrays import read_only
+from scanlock.kernels.ground.dominant_planes import plane_sides, scored_triples
 from scanlock.kernels.ground.plane import (
     plane_moments,
     plane_score,
@@ -42,6 +43,26 @@ def test_plane_scores_and_moments_match_the_definition():
     assert once[4] == pytest.approx(slow.plane_score(low, weights, thresholds, expected, offset))
     missed = refined_plane(*columns, read_only(np.array([1.5])), *normal, 90.0)
     assert missed[4] == -np.inf
+
+
+def test_triples_are_scored_with_their_better_side_up():
+    rng = np.random.default_rng(6)
+    points = rng.normal(0, 1, (300, 3)) * [10, 10, 1]
+    weights, thresholds = rng.random(300), rng.uniform(0.2, 0.6, 300)
+    columns = [read_only(np.ascontiguousarray(one)) for one in (*points.T, weights, 1 / thresholds)]
+    triples = rng.integers(0, 300, (40, 3))
+    triples[0] = 5
+    found = scored_triples(*columns, read_only(triples), 200)
+    expected = [
+        slow.scored_triple(points, weights, thresholds, triple, 200) for triple in triples[1:]
+    ]
+    assert np.allclose(found[1:], expected, atol=1e-12)
+    assert found[0, 4] == -np.inf
+    on, below, above = plane_sides(*columns, *found[1, :4])
+    score = slow.plane_score(points, weights, thresholds, found[1, :3], found[1, 3])
+    assert on - 0.5 * below == pytest.approx(score)
+    score = slow.plane_score(points, weights, thresholds, -found[1, :3], -found[1, 3])
+    assert on - 0.5 * above == pytest.approx(score)
 
 
 @pytest.mark.slow

@@ -76,3 +76,15 @@ def test_joined_gaussians_keep_their_order():
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
         FineNdt(**settings)
+
+
+def test_a_large_cloud_has_one_grid_and_a_large_source_few_cells():
+    scan, start = street(1, count=20000), yaw_pose(0.01, (0.2, -0.1, 0.05))
+    bounded = FineNdt(max_points=10_000, max_cells=200)
+    prepared = _prepared(scan, bounded)
+    assert prepared.grid_count == 1
+    assert prepared.gaussians is prepared.first_grid
+    assert prepared.cell_size == _prepared(scan).cell_size
+    found = bounded.align(prepared, prepared, start)
+    assert len(prepared.gaussians) > 200
+    assert found.pose.is_close(Pose.identity(), translation=0.02, rotation=math.radians(0.1))

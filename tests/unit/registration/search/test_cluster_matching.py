@@ -177,3 +177,10 @@ def test_coincident_and_collinear_clusters_do_not_raise(level_from_scan):
 def test_settings_out_of_range_are_refused(settings, message):
     with pytest.raises(InvalidInput, match=message):
         ClusterMatcher(**settings)
+
+
+def test_the_clusters_of_the_most_points_are_matched():
+    world = _world()
+    described = ClusterMatcher(max_clusters=20).describe(world, None)
+    assert len(described) == 20
+    assert (described.centres == world.most_populated(20).means).all()

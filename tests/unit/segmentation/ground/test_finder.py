@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from scanlock.clouds.point_cloud import PointCloud
 from scanlock.clouds.polar_grid import PolarGrid
@@ -132,6 +133,34 @@ def test_a_sensor_tilted_beyond_the_threshold_has_no_ground():
     tilt = exp_rotation(np.radians(20) * np.array([1.0, 0.0, 0.0]))
     finder = GroundFinder(max_tilt=np.radians(10), level_tilt=np.radians(5))
     assert find(points @ tilt.T, finder).status is GroundStatus.NONE
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_ground_is_found_at_any_attitude_and_labels_the_same_points(seed):
+    points, _ = flat_scene(np.random.default_rng(4))
+    turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    ground, expected = find(points @ turn.T, GroundFinder(max_tilt=np.pi)), find(points)
+    assert ground.status is GroundStatus.TILTED
+    assert np.allclose(ground.up, turn @ expected.up, atol=0.01)
+    assert ground.plane[3] == pytest.approx(expected.plane[3], abs=0.05)
+    assert (ground.is_ground == expected.is_ground).mean() > 0.99
+
+
+def test_an_upright_scan_has_the_same_ground_whatever_the_largest_tilt():
+    points, _ = flat_scene(np.random.default_rng(4))
+    usual, any_tilt = find(points), find(points, GroundFinder(max_tilt=np.pi))
+    assert (usual.height == any_tilt.height).all()
+    assert (usual.plane == any_tilt.plane).all()
+
+
+def test_planes_beyond_the_largest_tilt_are_not_ground():
+    points, _ = flat_scene(np.random.default_rng(4))
+    on_its_side = points @ exp_rotation(np.array([np.radians(90.0), 0.0, 0.0])).T
+    ground = find(on_its_side, GroundFinder(max_tilt=np.radians(60.0)))
+    assert ground.tilt < np.radians(60.0)
+    assert find(on_its_side, GroundFinder(max_tilt=np.radians(100.0))).tilt == pytest.approx(
+        np.radians(90.0), abs=0.01
+    )
 
 
 def test_reflections_below_ground_are_neither_ground_nor_obstacles():
@@ -299,7 +328,7 @@ def test_published_seeds_are_the_lowest_prototypes_near_the_sensor(max_count):
         (GroundFinder, "min_support", 1.5),
         (GroundFinder, "min_sharpness", -0.1),
         (GroundFinder, "level_tilt", 0.0),
-        (GroundFinder, "max_tilt", 2.0),
+        (GroundFinder, "max_tilt", 3.2),
         (PublishedGroundFinder, "max_seeds", 1),
     ],
 )

@@ -69,7 +69,11 @@ class MultiStart:
     min_separation: tuple[float, float] = (0.5, 0.05)
     """Translation [m] and rotation [rad] below which two refined hypotheses are duplicates."""
 
+    max_gaussians: int = 2500
+    """Maximum number of Gaussians of the source at each scale, those of the most points first."""
+
     def __post_init__(self) -> None:
+        require_count("max_gaussians", self.max_gaussians, 1)
         if not self.scales:
             raise InvalidInput("scales must not be empty")
         require_fraction("coarse_tolerance", self.coarse_tolerance)
@@ -128,7 +132,7 @@ class MultiStart:
     def _objective(self, scale: Scale, target: Gaussians, source: Gaussians) -> Objective:
         return GaussiansToGaussians(
             target=target.inflated(scale.smoothing),
-            source=source.inflated(scale.smoothing),
+            source=source.most_populated(self.max_gaussians).inflated(scale.smoothing),
             weight_power=scale.weight_power,
             curvature=self.solver.curvature,
         )

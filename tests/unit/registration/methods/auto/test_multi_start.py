@@ -94,3 +94,8 @@ def test_each_scale_is_refined_once():
         _TARGET[:1], _SOURCE[:1], [_NEAR], UNCONSTRAINED, lambda pose: 1.0
     )
     assert len(history) == len(refined[0].solution.history)
+
+
+def test_few_gaussians_of_the_source_are_enough():
+    [refined], _ = _refine([_NEAR], max_gaussians=20)
+    assert refined.solution.pose.is_close(_TRUTH, translation=1e-4, rotation=1e-5)
