@@ -19,6 +19,9 @@ MAX_YAW, MAX_TILT = np.radians(10.0), np.radians(2.0)
 Half = NDArray[np.bool_]
 """Mask of the points of one half."""
 
+Split = Callable[[Cloud, np.random.Generator], Half]
+"""Function that splits the points of a scan."""
+
 Halves = tuple[Cloud, Cloud, Pose]
 
 
@@ -29,7 +32,7 @@ def by_points(points: Cloud, rng: np.random.Generator) -> Half:
     return half
 
 
-def by_rings(width: float) -> Callable[[Cloud, np.random.Generator], Half]:
+def by_rings(width: float) -> Split:
     """Return the split by alternate bands of elevation of a width [deg]."""
 
     def split(points: Cloud, rng: np.random.Generator) -> Half:
@@ -39,7 +42,7 @@ def by_rings(width: float) -> Callable[[Cloud, np.random.Generator], Half]:
     return split
 
 
-def by_azimuth(width: float) -> Callable[[Cloud, np.random.Generator], Half]:
+def by_azimuth(width: float) -> Split:
     """Return the split by alternate blocks of azimuth, each one to two times a width [deg] wide.
 
     The widths are drawn at random: of a comb of equal blocks, each half fits itself best where the
@@ -54,7 +57,7 @@ def by_azimuth(width: float) -> Callable[[Cloud, np.random.Generator], Half]:
     return split
 
 
-def by_range(ratio: float) -> Callable[[Cloud, np.random.Generator], Half]:
+def by_range(ratio: float) -> Split:
     """Return the split by alternate shells of range, each farther than the last by a ratio."""
 
     def split(points: Cloud, rng: np.random.Generator) -> Half:
@@ -69,17 +72,18 @@ def measured(points: Cloud) -> Cloud:
     return points[np.isfinite(points).all(axis=1) & points.any(axis=1)]
 
 
-def with_motion(points: Cloud, half: Half, rng: np.random.Generator) -> Halves:
-    """Return target, source and the exact pose of the source in the target.
-
-    The motion is up to 1 m, 10 degrees of yaw and 2 degrees of roll and pitch.
-    """
+def random_motion(rng: np.random.Generator) -> Pose:
+    """Return a motion of up to 1 m, 10 degrees of yaw and 2 degrees of roll and pitch."""
     direction = rng.normal(size=3)
     direction *= rng.uniform(0.0, MAX_METRES) / np.linalg.norm(direction)
     yaw = rng.uniform(-MAX_YAW, MAX_YAW)
     roll, pitch = rng.uniform(-MAX_TILT, MAX_TILT, 2) / np.sqrt(2.0)
-    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
-    truth = Pose(turn, direction)
+    return Pose(Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), direction)
+
+
+def with_motion(points: Cloud, half: Half, rng: np.random.Generator) -> Halves:
+    """Return target, source and the exact pose of the source in the target."""
+    truth = random_motion(rng)
     return points[half], truth.inverse().apply(points[~half]), truth
 
 
