@@ -81,7 +81,7 @@ class Trials:
                 of_source, of_target = (
                     prepare(half, method=KINDS[name]) for half in (source, target)
                 )
-                error = error_of("sandwich", of_source, of_target, truth, start, raw=False)
+                error = error_of("sandwich", of_source, of_target, truth, start)
                 self.found.append((kind, title, name, scan, error))
 
     def rows(self, kinds: Iterable[str]) -> Iterable[tuple[str, ...]]:

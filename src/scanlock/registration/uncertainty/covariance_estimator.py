@@ -9,10 +9,10 @@ other blocks, one Newton step of the jackknife that leaves out one of U blocks a
 
     d_u = (H - H_u)^-1 g_u        C = (U - 1) / U sum (d_u - mean d) (d_u - mean d)'
 
-Errors common to all blocks do not scatter: a sensor sees every surface from one side, and its rings
-draw the same pattern on all ground. Their size was measured: one factor for each method, and one
-inflation of roll and pitch for all methods. The height error of rings has opposite signs ahead and
-behind, which acts on these two.
+Errors common to all blocks do not scatter. A pose that follows the sampling pattern of the scans is
+one of them, see `sampling_pattern`. The others are those of viewpoint and calibration. Their size
+was measured: one factor for each method. Where the pattern is unknown, the standard deviations of
+roll and pitch are inflated, on which the heights of the rings ahead and behind act most.
 """
 
 import math
@@ -76,8 +76,9 @@ class CovarianceEstimator:
 
     roll_pitch_inflation: float = 1.75
     """Inflation of the standard deviations of roll and pitch, and of the errors correlated with
-    them. With 1.75 they contribute a third of the NEES, averaged over methods. Use 1 if z does not
-    point upwards."""
+    them, where the sampling pattern is unknown: in map coordinates and for sparse clouds. With 1.75
+    they contribute a third of the NEES, averaged over methods. Use 1 if z does not point
+    upwards."""
 
     start_deviations: tuple[float, float] = (0.3, 0.05)
     """Standard deviations of the perturbed starts of ``"sampled"`` [m, rad]: those of the initial
