@@ -108,7 +108,8 @@ def _azimuth_gaps(x: _Angles, y: _Angles, z: _Angles) -> _Angles:
     slopes = z / np.sqrt(np.maximum(x * x + y * y, np.float32(1e-12)))
     gaps: list[_Angles] = []
     sample = slopes[:: max(1, len(slopes) // 1000)]
-    for slope in np.quantile(sample, _BAND_QUANTILES).astype(np.float32):
+    # Slopes of points: a band between two rings would be empty.
+    for slope in np.quantile(sample, _BAND_QUANTILES, method="nearest"):
         # A difference of slopes is that of the elevations divided by the squared cosine.
         rows = np.flatnonzero(
             np.abs(slopes - slope) < np.float32(_HALF_WIDTH) * (1 + slope * slope)
