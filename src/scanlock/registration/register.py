@@ -28,6 +28,7 @@ from scanlock.registration.uncertainty.covariance_estimator import (
     chosen_estimator,
 )
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod, PoseCovariance
+from scanlock.registration.uncertainty.sampling_pattern import SamplingPattern
 from scanlock.registration.verification.assessment import Assessment, assess_pose
 from scanlock.registration.verification.decision import decide_status
 from scanlock.registration.verification.metrics import Metrics
@@ -213,7 +214,8 @@ class _Call:
             factor = solution.covariance_factor
             if factor is None:
                 factor = self.method.covariance_factor
-            found = estimator.estimate(solution, factor, self._aligned)
+            pattern = None if estimator.method == "hessian" else self._sampling_pattern()
+            found = estimator.estimate(solution, factor, self._aligned, pattern)
         if isinstance(found, str):
             self.notes.append(f"no covariance: {found}")
             return None
@@ -226,6 +228,13 @@ class _Call:
             method=estimator.method,
             blocks=found[1],
         )
+
+    def _sampling_pattern(self) -> SamplingPattern | None:
+        """Measure the sampling pattern of the target; None if its origin may not be the sensor."""
+        cloud = self.target.cloud
+        if cloud.origin.any() or cloud.takes_sparse_settings:
+            return None
+        return SamplingPattern.of_points(cloud.measured_points)
 
     def result(
         self,

@@ -90,6 +90,11 @@ class PointsToCells:
         """Points of the source."""
         return self.points
 
+    @property
+    def is_continuous(self) -> bool:
+        """Whether the value does not jump where a point changes its cells."""
+        return self.association == "trilinear"
+
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(self._terms(pose, self.points))

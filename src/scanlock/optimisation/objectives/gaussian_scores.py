@@ -147,6 +147,11 @@ class GaussiansToGaussians:
         """Means of the source."""
         return self.source.means
 
+    @property
+    def is_continuous(self) -> bool:
+        """True: the window of the score has no jump."""
+        return True
+
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
         """Return the gradient and Hessian of each block of source Gaussians at `pose`."""
         if self.candidates is not None:
@@ -243,6 +248,11 @@ class PointsToGaussians:
     def linearise(self, pose: Pose) -> Quadratic:
         """Return value, gradient and Hessian at `pose`."""
         return Quadratic.from_terms(self._terms(pose, *self._sorted_points))
+
+    @property
+    def is_continuous(self) -> bool:
+        """True: the window of the score has no jump."""
+        return True
 
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
         """Return the contribution of each block of points to gradient and Hessian at `pose`."""

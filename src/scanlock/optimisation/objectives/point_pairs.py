@@ -68,6 +68,11 @@ class PointPairs:
         terms = self._terms(pose, self.precisions, self.target_rows, self.source_rows)
         return Quadratic.from_terms(terms)
 
+    @property
+    def is_continuous(self) -> bool:
+        """True: the correspondences are fixed."""
+        return True
+
     def contributions(self, pose: Pose, blocks: Labels) -> Contributions:
         """Return the gradient and Hessian of each block of correspondences at `pose`."""
         arrays = self.precisions, self.target_rows, self.source_rows

@@ -84,6 +84,11 @@ class Separable(Objective, Protocol):
         """Positions of the m elements (m, 3), in the source's frame [m]."""
         ...
 
+    @property
+    def is_continuous(self) -> bool:
+        """Whether the value is a continuous function of the pose."""
+        ...
+
     def contributions(self, pose: Pose, blocks: Labels) -> "Contributions":
         """Return the contribution of each block of elements to gradient and Hessian at `pose`.
 

@@ -42,7 +42,7 @@ _MAX_SQUARED_DISTANCE = 9.0
 """Upper bound of a squared Mahalanobis distance, and its value for points without correspondence,
 in the comparison of two poses."""
 
-_COVARIANCE_FACTORS: dict[type, float] = {NearestNeighbourSearch: 1.10, VoxelSearch: 1.11}
+_COVARIANCE_FACTORS: dict[type, float] = {NearestNeighbourSearch: 1.20, VoxelSearch: 1.11}
 """Covariance factor with each search."""
 
 

@@ -102,7 +102,7 @@ class NdtD2d(Method[GaussianScan]):
     @property
     def covariance_factor(self) -> float:
         """Calibrated on simulated pairs, see `Method.covariance_factor`."""
-        return 0.86
+        return 0.78
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> GaussianScan:
         """Estimate the Gaussians of a scan at each cell size."""

@@ -74,16 +74,17 @@ class Method(Protocol[_Data]):
     def covariance_factor(self) -> float:
         """Ratio of the actual standard deviations of a pose to the estimated ones.
 
-        The estimated covariance of a pose, except the part of a prior, is multiplied by the square
-        of the ratio. 1 for a method that was not calibrated.
+        The part of a covariance that comes from the scatter of the scene is multiplied by the
+        square of the ratio. 1 for a method that was not calibrated.
 
         Notes
         -----
-        A covariance is estimated from one pair of scans. It does not include errors that are common
-        to the whole pair, such as those of the sampling pattern. The built-in methods were
+        A covariance is estimated from one pair of scans. Its scatter does not include errors that
+        are common to the whole pair, such as those of the viewpoint. The built-in methods were
         calibrated on simulated pairs of streets, forests and rugged ground, 1 to 5 m apart, by
-        ``python -m benchmarks.uncertainty.covariance --calibrate``: the factor is the square root
-        of a sixth of the mean normalised squared error, which is 6 for a correct covariance.
+        ``python -m benchmarks.uncertainty.covariance --calibrate``: the mean normalised squared
+        error is 6 for a correct covariance, and a factor is multiplied by the square root of a
+        sixth of it.
         """
         return 1.0
 

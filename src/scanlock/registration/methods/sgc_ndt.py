@@ -59,7 +59,7 @@ class SgcNdt(Method[ClusterGaussians]):
     @property
     def covariance_factor(self) -> float:
         """Ratio of actual to estimated deviations, see `Method.covariance_factor`."""
-        return 1.16 if self.score == "d2d" else 1.11
+        return 1.16 if self.score == "d2d" else 0.95
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> ClusterGaussians:
         """Extract the cluster Gaussians of a scan at each scale; see `Method.prepare`."""

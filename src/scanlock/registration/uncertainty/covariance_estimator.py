@@ -9,10 +9,10 @@ other blocks, one Newton step of the jackknife that leaves out one of U blocks a
 
     d_u = (H - H_u)^-1 g_u        C = (U - 1) / U sum (d_u - mean d) (d_u - mean d)'
 
-Errors common to all blocks do not scatter: a sensor sees every surface from one side, and its rings
-draw the same pattern on all ground. Their size was measured: one factor for each method, and one
-inflation of roll and pitch for all methods. The height error of rings has opposite signs ahead and
-behind, which acts on these two.
+Errors common to all blocks do not scatter. A pose that follows the sampling pattern of the scans is
+one of them, see `sampling_pattern`. The others are those of viewpoint and calibration. Their size
+was measured: one factor for each method. Where the pattern is unknown, the standard deviations of
+roll and pitch are inflated, on which the heights of the rings ahead and behind act most.
 """
 
 import math
@@ -23,7 +23,6 @@ from typing import get_args
 import numpy as np
 
 from scanlock.arrays import Labels, Matrix, Points, Vector
-from scanlock.clouds.voxel_grid import voxel_indices, voxel_labels
 from scanlock.errors import InvalidInput, require_at_least, require_count, require_positive
 from scanlock.geometry.pose import Pose
 from scanlock.optimisation.objectives.constraints import (
@@ -35,12 +34,13 @@ from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.optimisation.solvers.problem import Objective, Separable
 from scanlock.optimisation.solvers.solution import Solution
 from scanlock.registration.uncertainty.pose_covariance import CovarianceMethod
+from scanlock.registration.uncertainty.sampling_pattern import SamplingPattern
 from scanlock.registration.uncertainty.sandwich import (
-    BlockTerms,
     inflated,
     sandwich_covariance,
     whitening_matrix,
 )
+from scanlock.registration.uncertainty.scene_cells import SceneCells, scene_cells
 
 _SINGULAR = "the Hessian is singular: some direction is unconstrained"
 
@@ -76,8 +76,9 @@ class CovarianceEstimator:
 
     roll_pitch_inflation: float = 1.75
     """Inflation of the standard deviations of roll and pitch, and of the errors correlated with
-    them. With 1.75 they contribute a third of the NEES, averaged over methods. Use 1 if z does not
-    point upwards."""
+    them, where the sampling pattern is unknown: in map coordinates and for sparse clouds. With 1.75
+    they contribute a third of the NEES, averaged over methods. Use 1 if z does not point
+    upwards."""
 
     start_deviations: tuple[float, float] = (0.3, 0.05)
     """Standard deviations of the perturbed starts of ``"sampled"`` [m, rad]: those of the initial
@@ -95,7 +96,11 @@ class CovarianceEstimator:
             require_positive("start_deviations", one, unit=unit)
 
     def estimate(
-        self, solution: Solution, factor: float, align: Callable[[Pose], Solution]
+        self,
+        solution: Solution,
+        factor: float,
+        align: Callable[[Pose], Solution],
+        pattern: SamplingPattern | None = None,
     ) -> tuple[Matrix, float] | str:
         """Estimate the covariance of the pose of a solution, or say why there is none.
 
@@ -107,6 +112,8 @@ class CovarianceEstimator:
             Factor of the standard deviations, as measured for the method of registration.
         align : callable
             Returns the solution from another initial pose, for the method "sampled".
+        pattern : SamplingPattern, optional
+            Sampling pattern of the target; None if it is unknown. Roll and pitch are inflated then.
 
         Returns
         -------
@@ -123,7 +130,7 @@ class CovarianceEstimator:
             return "the objective is not separable into blocks"
         pose, free = solution.pose, np.flatnonzero(constraints.free_directions)
         points = objective.positions
-        estimated = self._covariance_of_step(objective, points, constraints, pose, factor)
+        estimated = self._covariance_of_step(objective, constraints, pose, factor, pattern)
         if isinstance(estimated, str):
             return estimated
         covariance, blocks = estimated
@@ -142,10 +149,10 @@ class CovarianceEstimator:
     def _covariance_of_step(
         self,
         objective: Separable,
-        points: Points,
         constraints: Constraints,
         pose: Pose,
         factor: float,
+        pattern: SamplingPattern | None,
     ) -> tuple[Matrix, float] | str:
         """Return the covariance of a step along the free directions, and the number of blocks."""
         free = np.flatnonzero(constraints.free_directions)
@@ -155,7 +162,7 @@ class CovarianceEstimator:
             # is one more.
             hessian = constraints.prior.linearise(pose).hessian
             prior = hessian[np.ix_(free, free)] / objective.count
-        rotation_scale = _rotation_scale(points)
+        rotation_scale = _rotation_scale(objective.positions)
         scales = np.array([1.0, 1.0, 1.0, rotation_scale, rotation_scale, rotation_scale])[free]
         if self.method == "hessian":
             hessian = _hessian_over_variance(objective, pose, free)
@@ -163,46 +170,25 @@ class CovarianceEstimator:
             if whitening is None:
                 return _SINGULAR
             return whitening @ whitening.T / objective.count, math.nan
-        terms = self._block_terms(objective, points, pose, free)
-        if terms is None:
+        cells = scene_cells(objective, pose, self.block_size, self.min_block_size, self.min_blocks)
+        if cells is None:
             return f"fewer than {self.min_blocks} blocks of the scene have correspondences"
+        terms = cells.block_terms(free)
         whitening = whitening_matrix(terms.hessians.sum(axis=0) + prior, scales)
         if whitening is None:
             return _SINGULAR
         whitened, blocks = sandwich_covariance(terms, whitening)
-        covariance = inflated(
-            whitening @ whitened @ whitening.T,
-            np.flatnonzero(np.isin(free, _ROLL_PITCH)),
-            self.roll_pitch_inflation,
-        )
         inverse = whitening @ whitening.T
+        covariance = factor**2 * (whitening @ whitened @ whitening.T)
+        if pattern is None:
+            rows = np.flatnonzero(np.isin(free, _ROLL_PITCH))
+            covariance = inflated(covariance, rows, self.roll_pitch_inflation)
+        else:
+            response = inverse @ _pattern_hessian(objective, cells)[np.ix_(free, free)]
+            displacement = pattern.covariance(pose)[np.ix_(free, free)]
+            covariance = covariance + response @ displacement @ response.T
         # The gradient of the prior has the covariance of its own Hessian.
-        return factor**2 * covariance + inverse @ prior @ inverse / objective.count, blocks
-
-    def _block_terms(
-        self, objective: Separable, points: Points, pose: Pose, free: Labels
-    ) -> BlockTerms | None:
-        """Return the contributions of cells of half a block, and two grids of blocks of 8 cells.
-
-        The grids are half a block apart along all axes, so that the covariance depends less on
-        where the grid cuts the scene. None with fewer than `min_blocks` blocks.
-        """
-        side = self.block_size
-        while side >= self.min_block_size:
-            labels, cells = voxel_indices(points, 0.5 * side)
-            terms = objective.contributions(pose, labels)
-            filled = np.flatnonzero(terms.hessians.any(axis=(1, 2)))
-            if len(filled):
-                corners = cells[filled].astype(np.float64)
-                grids = tuple(voxel_labels(corners + shift, 2.0)[0] for shift in (0.5, 1.5))
-                if min(int(grid.max()) + 1 for grid in grids) >= self.min_blocks:
-                    return BlockTerms(
-                        gradients=terms.gradients[np.ix_(filled, free)],
-                        hessians=terms.hessians[np.ix_(filled, free, free)],
-                        grids=grids,
-                    )
-            side *= 0.5
-        return None
+        return covariance + inverse @ prior @ inverse / objective.count, blocks
 
     def _min_covariance(self, points: Points, pose: Pose) -> Matrix:
         """Return the (6, 6) minimum covariance of a step."""
@@ -238,6 +224,17 @@ class CovarianceEstimator:
 def _rotation_scale(offsets: Points) -> float:
     """Return the root mean squared length of (n, 3) offsets [m], or the minimum."""
     return max(math.sqrt(3.0 * float(np.mean(np.square(offsets)))), _MIN_ROTATION_SCALE)
+
+
+def _pattern_hessian(objective: Separable, cells: SceneCells) -> Matrix:
+    """Return the (6, 6) Hessian of an objective against a displacement of the sampling pattern.
+
+    An objective that jumps where a point changes its cell follows the pattern whole: its
+    derivatives say nothing of the jumps.
+    """
+    if objective.is_continuous:
+        return cells.hessian_along_surfaces()
+    return cells.hessians.sum(axis=0)
 
 
 def _hessian_over_variance(objective: Objective, pose: Pose, free: Labels) -> Matrix:

@@ -18,6 +18,7 @@ from scanlock.registration.prepare import prepare
 from scanlock.registration.register import register
 from scanlock.registration.registry import METHODS
 from scanlock.registration.uncertainty.covariance_estimator import CovarianceEstimator
+from scanlock.registration.uncertainty.sampling_pattern import SamplingPattern
 
 _METHOD = NdtD2d(cell_sizes=(4.0, 2.0))
 _MOTION = yaw_pose(0.2, (0.8, -0.3, 0.1))
@@ -147,6 +148,69 @@ def test_roll_and_pitch_are_inflated_wherever_the_source_is():
     np.testing.assert_allclose(three[3:5, 3:5], 9.0 * one[3:5, 3:5], rtol=1e-6)
     found = _estimated(away, 1.0, 3.0, min_deviation=1e-9)[0]
     np.testing.assert_allclose(found, three, rtol=1e-6, atol=1e-14)
+
+
+_NO_GAPS = SamplingPattern(elevation_gap=0.0, azimuth_gap=0.0)
+_GAPS = SamplingPattern(elevation_gap=0.02, azimuth_gap=0.005)
+
+
+def _with_pattern(solution, pattern, factor=1.0):
+    estimate = CovarianceEstimator(min_deviation=1e-9).estimate(
+        solution, factor, _no_start, pattern
+    )
+    assert not isinstance(estimate, str), estimate
+    return estimate[0]
+
+
+def test_a_pattern_without_gaps_adds_nothing_and_replaces_the_inflation():
+    solution = _solved(*_planes(5))
+    expected, _ = _estimated(solution, 2.0, min_deviation=1e-9)
+    found = _with_pattern(solution, _NO_GAPS, 2.0)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-15)
+
+
+def test_wider_gaps_increase_the_covariance():
+    solution = _solved(*_planes(5))
+    wider = SamplingPattern(elevation_gap=0.04, azimuth_gap=0.01)
+    none, some, more = (_with_pattern(solution, one) for one in (_NO_GAPS, _GAPS, wider))
+    np.testing.assert_allclose(more - none, 4.0 * (some - none), rtol=1e-6, atol=1e-15)
+    assert np.linalg.eigvalsh(some - none)[0] > -1e-12
+    assert np.trace((some - none)[3:, 3:]) < np.sum([0.02**2, 0.02**2, 0.005**2]) / 12.0
+
+
+class _Jumping(PointPairs):
+    """The same correspondences, as if the value jumped."""
+
+    __slots__ = ()
+
+    @property
+    def is_continuous(self):
+        return False
+
+
+def test_a_pose_of_an_objective_that_jumps_follows_the_pattern_whole():
+    motion = Pose(np.eye(3), np.array([4.0, -9.0, 2.0]))
+    objective, start = _planes(5, pose=motion)
+    fields = ("target", "source", "target_rows", "source_rows", "precisions")
+    solution = _solved(_Jumping(**{name: getattr(objective, name) for name in fields}), start)
+    added = _with_pattern(solution, _GAPS) - _with_pattern(solution, _NO_GAPS)
+    # About the source's origin the pattern turns and does not move.
+    expected = np.diag([0.0, 0.0, 0.0, 0.02**2, 0.02**2, 0.005**2]) / 12.0
+    np.testing.assert_allclose(added, expected, rtol=1e-3, atol=1e-7)
+
+
+def test_a_strong_prior_leaves_nothing_to_the_pattern():
+    objective, start = _planes(6)
+    strong = Constraints(prior=PosePrior.from_deviations(start, 1e-5, 1e-6))
+    found = _with_pattern(_solved(objective, start, strong), _GAPS)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), np.repeat([1e-5, 1e-6], 3), rtol=0.05)
+
+
+@pytest.mark.parametrize(("dof", "locked"), [("xyz+yaw", [3, 4]), ("xy+yaw", [2, 3, 4])])
+def test_the_pattern_moves_no_locked_direction(dof, locked):
+    matrix = _with_pattern(_solved(*_planes(7), Constraints(dof=dof)), _GAPS)
+    assert not matrix[locked].any()
+    assert matrix[5, 5] > 0.0
 
 
 def test_a_prior_adds_its_information():

@@ -98,7 +98,7 @@ class Auto(Method[AutoData]):
     @property
     def covariance_factor(self) -> float:
         """Ratio of actual to estimated deviations, see `Method.covariance_factor`."""
-        return self.initial_method.covariance_factor if self.fine is None else 0.89
+        return self.initial_method.covariance_factor if self.fine is None else 0.85
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> AutoData:
         """Compute clusters, BEV grid, verification features and fine cells of a scan."""

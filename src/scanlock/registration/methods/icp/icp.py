@@ -122,7 +122,7 @@ class Icp(Method[PointScan]):
     @property
     def covariance_factor(self) -> float:
         """Calibrated on simulated pairs, see `Method.covariance_factor`."""
-        return 1.86 if self.estimation.residual == "point-to-plane" else 4.42
+        return 1.86 if self.estimation.residual == "point-to-plane" else 6.0
 
     def prepare(self, cloud: PointCloud, log: PreparationLog | None = None) -> PointScan:
         """Downsample a scan, build its search and estimate normals and noise if needed."""
