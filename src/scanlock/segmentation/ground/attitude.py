@@ -9,21 +9,21 @@ from scanlock.segmentation.ground.dominant_planes import SurfaceSample
 from scanlock.segmentation.ground.result import Ground, GroundStatus
 
 _MIN_FRACTION, _MAX_BELOW = 0.25, 0.05
-"""Fractions of the points on the ground and below it at which it is not doubted (ours).
+"""Fractions of the points on the ground and below it at which no other ground is looked for (ours).
 
 The ground has 0.2 to 0.6 of the points of spinning lidars, a facade below 0.2. Upside down, a
 quarter of the points are below a ground that stands on its trees.
 """
 
 _MIN_ORIGIN_HEIGHT = -0.5
-"""Height of the origin above a ground that is not doubted [m] (ours). It is the sensor, or the
+"""Height of the origin above such a ground [m] (ours). It is the sensor, or the
 middle of a map; the origin of some vehicles lies on the ground."""
 
 _MIN_SCORE_RATIO = 1.3
 """Score of a plane, relative to that of the ground near the z axis, above which it comes first
 (ours)."""
 
-_MAX_RIVAL_RATIO = 0.75
+_MAX_SECOND_RATIO = 0.75
 """Score of the second plane, relative to the best one, above which neither is the ground (ours).
 
 Outdoors it is below 0.7. In rooms it is above 0.7, and walls often have the highest score.
@@ -42,7 +42,7 @@ def angle_between(first: Vector, second: Vector) -> float:
 
 
 def is_evident(ground: Ground) -> bool:
-    """Return whether a ground near the z axis is beyond doubt, so that no other is sought."""
+    """Return whether a ground near the z axis is good enough, so that no other is looked for."""
     return bool(
         ground.status is not GroundStatus.NONE
         and ground.is_ground.mean() >= _MIN_FRACTION
@@ -74,8 +74,8 @@ def likelier_up(points: Points, near_z: Ground) -> Vector | None:
     if not planes:
         return None
     best = planes[0]
-    rivals = (one for one in planes[1:] if not one.is_other_side_of(best))
-    if any(one.score > _MAX_RIVAL_RATIO * best.score for one in rivals):
+    others = (one for one in planes[1:] if not one.is_other_side_of(best))
+    if any(one.score > _MAX_SECOND_RATIO * best.score for one in others):
         return None
     if near_z.status is GroundStatus.NONE:
         return best.normal
