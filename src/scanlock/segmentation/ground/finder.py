@@ -89,8 +89,8 @@ class GroundFinder:
     max_tilt: float = math.radians(45.0)
     """Largest angle between the ground normal and the z axis [rad].
 
-    Above 45 degrees, the dominant planes of the cloud are candidates for the ground as well. Without
-    a ground that can be a wall or, upside down, a ceiling.
+    Above 45 degrees, the dominant planes of the cloud are candidates for the ground as well.
+    Without a ground that can be a wall or, upside down, a ceiling.
     """
 
     level_tilt: float = math.radians(5.0)
