@@ -66,18 +66,13 @@ def single(folds: list[Fold]) -> Iterator[tuple[str, Mask]]:
         yield "two kinds", np.logical_or.reduce([fold.evaluated for fold in both])
 
 
-def predicted(
-    features: Numbers,
-    right: Mask,
-    folds: list[Fold],
-    fit: Callable[[Numbers, Mask], Numbers],
-) -> Numbers:
+def predicted(features: Numbers, folds: list[Fold], fit: Callable[[Mask], Numbers]) -> Numbers:
     """Return the probability of each trial by a model fitted without its fold.
 
-    `fit` returns the intercept and the weights of a logistic model.
+    `fit` returns the intercept and the weights of a logistic model of the trials of a mask.
     """
-    scores = np.empty(len(right))
+    scores = np.empty(len(features))
     for fold in folds:
-        weights = fit(features[fold.fitted], right[fold.fitted])
+        weights = fit(fold.fitted)
         scores[fold.evaluated] = weights[0] + features[fold.evaluated] @ weights[1:]
     return 1.0 / (1.0 + np.exp(-scores))

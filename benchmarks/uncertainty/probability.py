@@ -37,6 +37,10 @@ from scanlock.registration.verification.decision import MIN_PROBABILITY
 _SIGNS = (-1, -1, -1, -1, 1, -1, 1)
 """Required signs of the weights."""
 
+_REPEATING_IMPORTANCE = 0.2
+"""Weight of a trial of a world that repeats in the fit, relative to all others. These worlds are
+exact copies of themselves, more than half of their poses are wrong, and they are rare."""
+
 _SHRINKAGE = 1e-3
 """Weight of the squared standardised weights in the loss."""
 
@@ -52,8 +56,9 @@ def read(paths: list[Path]) -> dict[str, Any]:
     return {name: np.concatenate([one[name] for one in files]) for name in files[0].files}
 
 
-def fitted(features: Numbers, right: Mask) -> Numbers:
+def fitted(features: Numbers, right: Mask, importance: Numbers) -> Numbers:
     """Return intercept and weights of the regularised logistic regression."""
+    importance = importance / importance.sum()
     mean, deviation = features.mean(axis=0), features.std(axis=0)
     rows = np.column_stack([np.ones(len(features)), (features - mean) / deviation])
     signs = np.where(right, 1.0, -1.0)
@@ -61,9 +66,9 @@ def fitted(features: Numbers, right: Mask) -> Numbers:
 
     def loss(weights: Numbers) -> tuple[float, Numbers]:
         margins = signs * (rows @ weights)
-        slopes = -signs / (1.0 + np.exp(margins))
-        value = np.logaddexp(0.0, -margins).mean() + penalty @ weights**2
-        return float(value), rows.T @ slopes / len(rows) + 2.0 * penalty * weights
+        slopes = -signs / (1.0 + np.exp(margins)) * importance
+        value = importance @ np.logaddexp(0.0, -margins) + penalty @ weights**2
+        return float(value), rows.T @ slopes + 2.0 * penalty * weights
 
     bounds = [(None, None)]
     bounds += [(0.0 if sign > 0 else None, 0.0 if sign < 0 else None) for sign in _SIGNS]
@@ -71,6 +76,13 @@ def fitted(features: Numbers, right: Mask) -> Numbers:
     standard = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x
     weights = standard[1:] / deviation
     return np.concatenate([[standard[0] - weights @ mean], weights])
+
+
+def fitted_to(own: dict[str, Any], at: Mask) -> Numbers:
+    """Return intercept and weights of the model of some trials."""
+    is_repeating = np.char.startswith(own["scene"][at].astype(str), "repeating")
+    importance = np.where(is_repeating, _REPEATING_IMPORTANCE, 1.0)
+    return fitted(own["features"][at], own["right"][at], importance)
 
 
 def area_under_curve(scores: Numbers, right: Mask) -> float:
@@ -113,7 +125,7 @@ class LeftOut:
     def of(cls, name: str, own: dict[str, Any]) -> "LeftOut":
         """Return the probabilities of trials without what `name`, a column, distinguishes."""
         folds = by_scene(own[name]) if name == "scene" else by_name(own[name])
-        held_out = predicted(own["features"], own["right"], folds, fitted)
+        held_out = predicted(own["features"], folds, lambda at: fitted_to(own, at))
         ok = (held_out >= MIN_PROBABILITY) & ~own["vetoed"]
         return cls(name=name, folds=folds, held_out=held_out, right=own["right"], ok=ok)
 
@@ -140,7 +152,7 @@ def main() -> None:
     is_own = np.isin(trials["method"], list(METHODS))
     own = {name: column[is_own] for name, column in trials.items()}
     if arguments.fit:
-        weights = fitted(own["features"], own["right"])
+        weights = fitted_to(own, np.ones(len(own["right"]), np.bool_))
         print(f"INTERCEPT = {weights[0]:.2f}")
         print(f"WEIGHTS = ({', '.join(f'{weight:.2f}' for weight in weights[1:])})")
     print(f"{len(own['right'])} trials; {results.machine_line}\n")

@@ -101,7 +101,7 @@ def test_no_model_is_fitted_to_a_kind_that_it_is_evaluated_on(module):
     assert found["kitti"].fitted.tolist() == [False, True, True, False]
     features, right = np.arange(8.0).reshape(4, 2), np.array([True, False, True, True])
     predicted = folds.predicted(
-        features, right, list(found.values()), lambda f, r: np.array([r.mean() - 0.5, 0.0, 1e-3])
+        features, list(found.values()), lambda at: np.array([right[at].mean() - 0.5, 0.0, 1e-3])
     )
     assert predicted[0] == pytest.approx(1 / (1 + np.exp(-0.001)))
     assert predicted[1] == pytest.approx(1 / (1 + np.exp(-0.503)))

@@ -32,7 +32,7 @@ corridors exceed it; whole real scans with long walls or rows of trees reach 0.8
 _MAX_SCALE_DIFFERENCE = 0.004
 """Largest difference of scale of an accurate pose: 0.12 m at a range of 30 m."""
 
-_SCALE_DEVIATIONS = 5.0
+_SCALE_DEVIATIONS = 6.0
 """Standard deviations from which on a difference of scale is significant. Its deviation leaves out
 what is common to all planes; calibrations of two sensors differ by up to three."""
 

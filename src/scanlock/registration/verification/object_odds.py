@@ -17,8 +17,9 @@ from scanlock.geometry.pose import Pose
 from scanlock.registration.verification.features import VerificationFeatures
 from scanlock.registration.verification.low_objects import LowObjects
 
-MAX_LOG_ODDS = 3.0
-"""Log odds at which the feature of the probability saturates: objects are not independent."""
+MIN_LOG_ODDS, MAX_LOG_ODDS = -3.0, 1.0
+"""Log odds between which the feature of the probability lies. Objects are not independent, so that
+larger numbers say no more; and scans without objects must not count as wrong."""
 
 DECISIVE_LOG_ODDS = 10.0
 """Log odds above which no other place is searched for: hardly any wrong pose has more, and a

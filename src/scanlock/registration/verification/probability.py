@@ -12,7 +12,7 @@ import numpy as np
 
 from scanlock.arrays import Vector
 from scanlock.registration.verification.metrics import Metrics
-from scanlock.registration.verification.object_odds import MAX_LOG_ODDS
+from scanlock.registration.verification.object_odds import MAX_LOG_ODDS, MIN_LOG_ODDS
 from scanlock.registration.verification.observability import DirectionObservability
 
 FEATURES = (
@@ -26,8 +26,8 @@ FEATURES = (
 )
 """Names of the features of the model, in the order of `WEIGHTS`; see `features`."""
 
-INTERCEPT = -0.18
-WEIGHTS = (-12.27, -4.00, -0.34, -0.41, 0.71, -2.12, 0.65)
+INTERCEPT = 1.60
+WEIGHTS = (-8.33, -6.77, -0.66, -0.26, 0.61, -3.04, 0.86)
 
 _DEFAULT_VIOLATION = 0.1
 """Free-space violation if unknown: slightly more than most correct poses have."""
@@ -61,7 +61,7 @@ def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability])
             _log(_known(rotation_deviation, 0.03), 0.0003, 0.03),
             math.log(1.0 + _MIN_MARGIN - min(runner_up_ratio, 1.0)),
             float(any(one.is_degenerate for one in directions)),
-            min(MAX_LOG_ODDS, max(-MAX_LOG_ODDS, _known(metrics.object_log_odds, 0.0))),
+            min(MAX_LOG_ODDS, max(MIN_LOG_ODDS, _known(metrics.object_log_odds, 0.0))),
         ]
     )
 
