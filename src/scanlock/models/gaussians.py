@@ -165,7 +165,7 @@ class Gaussians:
         """Return the Gaussians at the given rows, in that order, or of a mask."""
         return Gaussians(self.means[rows], self.packed_covariances[rows], self.counts[rows])
 
-    def most_populated(self, count: int) -> "Gaussians":
+    def with_most_points(self, count: int) -> "Gaussians":
         """Return the `count` Gaussians of the most points, in their order; all if there are fewer.
 
         Of equally many points, the first ones are taken.

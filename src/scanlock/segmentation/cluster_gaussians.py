@@ -115,7 +115,9 @@ class ClusterGaussianExtractor:
         with clock.stage("clusters"):
             sets = self._gaussians(obstacles, ground, distinct_radii)
             of_radius = {
-                radius: gaussians.most_populated(self.max_gaussians).regularised(self.min_deviation)
+                radius: gaussians.with_most_points(self.max_gaussians).regularised(
+                    self.min_deviation
+                )
                 for radius, gaussians in zip(distinct_radii, sets, strict=True)
             }
         scales = tuple(of_radius[radius] for radius in radii)

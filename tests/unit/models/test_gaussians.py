@@ -248,10 +248,10 @@ def test_merging_requires_positive_parameters(name):
         several.merged(**{"voxel_size": 1.0, "weight_power": 1.0, name: 0.0})
 
 
-def test_the_most_populated_gaussians_keep_their_order():
+def test_the_with_most_points_gaussians_keep_their_order():
     points, labels = _scan(clusters=4)
     found = Gaussians.from_labels(points, labels)
     counted = Gaussians(found.means, found.packed_covariances, np.array([5, 9, 5, 7]))
-    assert counted.most_populated(4) is counted
-    assert counted.most_populated(3).counts.tolist() == [5, 9, 7]
-    assert (counted.most_populated(3).means == counted.means[[0, 1, 3]]).all()
+    assert counted.with_most_points(4) is counted
+    assert counted.with_most_points(3).counts.tolist() == [5, 9, 7]
+    assert (counted.with_most_points(3).means == counted.means[[0, 1, 3]]).all()

@@ -158,7 +158,7 @@ class FineNdt:
             grids = source.grid_count if is_last else 1
             score = GaussiansToGaussians(
                 target=fixed,
-                source=moving.most_populated(grids * self.max_cells),
+                source=moving.with_most_points(grids * self.max_cells),
                 shape=shape,
                 weight_power=self.weight_power,
                 curvature=self.solver.curvature,

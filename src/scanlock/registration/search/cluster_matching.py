@@ -151,7 +151,7 @@ class ClusterMatcher:
         level_from_scan : Pose or None
             Pose of the scan in its levelled frame; None if no ground was found.
         """
-        largest = gaussians.most_populated(self.max_clusters)
+        largest = gaussians.with_most_points(self.max_clusters)
         return ClusterFeatures.from_gaussians(largest, level_from_scan)
 
     def hypotheses(self, target: ClusterFeatures, source: ClusterFeatures) -> list[Hypothesis]:

@@ -32,6 +32,9 @@ WEIGHTS = (-8.33, -6.77, -0.66, -0.26, 0.61, -3.04, 0.86)
 _DEFAULT_VIOLATION = 0.1
 """Free-space violation if unknown: slightly more than most correct poses have."""
 
+_DEFAULT_LOG_ODDS = 0.5
+"""Object log odds if unknown: slightly less than most correct poses have."""
+
 _MIN_MARGIN = 0.05
 """Runner-up margin of a tie; it keeps the logarithm finite."""
 
@@ -61,7 +64,9 @@ def model_inputs(metrics: Metrics, directions: Sequence[DirectionObservability])
             _log(_known(rotation_deviation, 0.03), 0.0003, 0.03),
             math.log(1.0 + _MIN_MARGIN - min(runner_up_ratio, 1.0)),
             float(any(one.is_degenerate for one in directions)),
-            min(MAX_LOG_ODDS, max(MIN_LOG_ODDS, _known(metrics.object_log_odds, 0.0))),
+            min(
+                MAX_LOG_ODDS, max(MIN_LOG_ODDS, _known(metrics.object_log_odds, _DEFAULT_LOG_ODDS))
+            ),
         ]
     )
 

@@ -15,7 +15,7 @@ from scanlock.arrays import Labels, Points, Vector, frozen, read_only
 from scanlock.clouds.voxel_grid import voxel_means
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.dominant_planes import scored_triples
-from scanlock.kernels.ground.plane import plane_score, refined_plane
+from scanlock.kernels.ground.plane import refined_plane
 from scanlock.segmentation.ground.plane import (
     THRESHOLD,
     THRESHOLD_FACTORS,
@@ -96,9 +96,10 @@ class SurfaceSample:
         return cls(means, weights / weights.sum(), 1.0 / (THRESHOLD + THRESHOLD_SLOPE * ranges))
 
     def score(self, normal: Vector, offset: float) -> float:
-        """Return the score of a plane as the ground."""
-        nx, ny, nz = normal.tolist()
-        return float(plane_score(*self._columns(self.points), nx, ny, nz, offset))
+        """Return the score of a plane as the ground, that of the kernel `plane_score`."""
+        residuals = (self.points @ normal + offset) * self.inverse_thresholds
+        beneath = np.where(residuals < -2.0, -0.5, 0.0)
+        return float(self.weights @ np.maximum(1.0 - residuals**2, beneath))
 
     def dominant_planes(self) -> list[ScoredPlane]:
         """Return distinct planes with positive scores, best first; deterministic."""

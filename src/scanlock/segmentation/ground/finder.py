@@ -48,6 +48,9 @@ _MIN_LEVELLING_SUPPORT = 0.2
 _MAX_CORRECTION = math.radians(45.0)
 """Largest angle between the base plane and the assumed horizontal plane [rad] (ours)."""
 
+_MAX_FRACTION = 0.95
+"""Maximum fraction of the points on a ground at any attitude (ours)."""
+
 _SENSOR_PLANE = read_only(np.array([0.0, 0.0, 1.0, 0.0]))
 """Base plane of the published form: horizontal, at the height of the sensor."""
 
@@ -128,7 +131,10 @@ class GroundFinder:
         if up is None or angle_between(up, Z_AXIS) > self.max_tilt:
             return upright
         ground = self._find_about(cloud, rotation_onto_z(up))
-        return upright if ground.status is GroundStatus.NONE else ground
+        # Nothing would remain above a wall that is the whole scene.
+        if ground.status is GroundStatus.NONE or ground.is_ground.mean() > _MAX_FRACTION:
+            return upright
+        return ground
 
     def _find_about(self, cloud: PointCloud, rotation: Matrix) -> Ground:
         """Find the ground of a cloud that is roughly upright after a rotation."""

@@ -183,4 +183,4 @@ def test_the_clusters_of_the_most_points_are_matched():
     world = _world()
     described = ClusterMatcher(max_clusters=20).describe(world, None)
     assert len(described) == 20
-    assert (described.centres == world.most_populated(20).means).all()
+    assert (described.centres == world.with_most_points(20).means).all()

@@ -132,7 +132,7 @@ class MultiStart:
     def _objective(self, scale: Scale, target: Gaussians, source: Gaussians) -> Objective:
         return GaussiansToGaussians(
             target=target.inflated(scale.smoothing),
-            source=source.most_populated(self.max_gaussians).inflated(scale.smoothing),
+            source=source.with_most_points(self.max_gaussians).inflated(scale.smoothing),
             weight_power=scale.weight_power,
             curvature=self.solver.curvature,
         )
