@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from scanlock.optimisation.solvers.criteria import StopReason
 from scanlock.registration.methods.auto.data import AutoPair
 from scanlock.registration.methods.auto.ranking import ScoredPose
 from scanlock.registration.verification.assessment import assess_pose
@@ -25,13 +26,16 @@ _MAX_JUDGED = 5
 def judged_poses(pair: AutoPair, ranked: Sequence[ScoredPose]) -> list[ScoredPose]:
     """Return ranked poses with those of similar scores in the order of their probabilities.
 
-    The score compares how much of the scans agrees; the verification also tells how well. Poses of
+    The score is how much of the scans agrees; the verification also measures how well. Poses of
     the initial pose are judged whatever their score. A single pose is returned unchanged.
     """
+    # A distant prior can make all scores negative; the best is judged nevertheless.
+    min_score = min(_MIN_SCORE_RATIO * ranked[0].score, ranked[0].score)
     contenders = [
         one
         for one in ranked
-        if one.score >= _MIN_SCORE_RATIO * ranked[0].score or one.candidate.proposed_by == INITIAL
+        if one.solution.reason is not StopReason.EMPTY_OBJECTIVE
+        and (one.score >= min_score or one.candidate.proposed_by == INITIAL)
     ][:_MAX_JUDGED]
     if len(contenders) < 2:
         return list(ranked)

@@ -1,6 +1,7 @@
 """Poses similar to a pose, and the judgement among poses with similar scores."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,18 @@ def test_a_single_pose_is_not_judged():
     judged = judged_poses(pair, scored)
     assert judged == scored
     assert math.isnan(judged[0].candidate.probability)
+
+
+def test_negative_scores_keep_their_order_without_a_judgement():
+    # A distant prior makes scores negative; one pose alone has a similar score.
+    pair = _pair(_row(10), _row(11))
+    shift = Pose(np.eye(3), np.array([_PERIOD, 0.0, 0.0]))
+    best = replace(_scored(pair, Pose.identity()), score=-1.0)
+    other = replace(_scored(pair, shift), score=-5.0)
+    assert judged_poses(pair, [best, other]) == [best, other]
+    initial = replace(_scored(pair, shift, INITIAL), score=-5.0)
+    judged = judged_poses(pair, [best, initial])
+    assert not any(math.isnan(one.candidate.probability) for one in judged)
 
 
 def test_of_two_equal_poses_the_initial_one_is_kept():
