@@ -103,15 +103,12 @@ class LowObjects:
         Voxels of all low_objects: means of their points, in the frame of the scan.
     object_of_voxel : (k,)
         Object of each voxel, ascending.
-    count : int
-        Number of objects.
     occupied : OccupiedColumns
         Obstacles of the scan.
     """
 
     voxels: Points
     object_of_voxel: Labels
-    count: int
     occupied: OccupiedColumns
 
     __repr__ = short_repr
@@ -119,6 +116,11 @@ class LowObjects:
     def __post_init__(self) -> None:
         frozen(self.voxels)
         frozen(self.object_of_voxel)
+
+    @property
+    def count(self) -> int:
+        """Number of objects."""
+        return int(self.object_of_voxel[-1]) + 1 if len(self.object_of_voxel) else 0
 
     def counts(self, selected: Mask) -> Matrix:
         """Return the number of selected voxels of each object.
@@ -147,13 +149,12 @@ def find_low_objects(clusters: ClusterGaussians) -> LowObjects:
         _LAYERS,
         _MIN_POINTS,
     )
-    voxels, object_of_voxel, count = _compact(voxels, *joined_voxels(read_only(cells)))
+    voxels, object_of_voxel = _compact(voxels, *joined_voxels(read_only(cells)))
     base = ground_height - _DEPTH
     columns = occupied_columns(clusters.obstacles, rotation, base, _CELL_SIZE, _COLUMNS)
     return LowObjects(
         voxels=voxels,
         object_of_voxel=object_of_voxel,
-        count=count,
         occupied=OccupiedColumns(
             columns=columns, rotation=rotation, base=base, cell_size=_CELL_SIZE
         ),
@@ -169,13 +170,13 @@ def _level(cloud: PointCloud, ground: Ground) -> tuple[Matrix, Vector, float]:
     return read_only(np.eye(3)), read_only(z - low), low
 
 
-def _compact(voxels: Points, labels: Labels, count: int) -> tuple[Points, Labels, int]:
-    """Return the voxels of components of the size of objects, their labels and their number."""
+def _compact(voxels: Points, labels: Labels, count: int) -> tuple[Points, Labels]:
+    """Return the voxels of components of the size of objects, and their labels."""
     order = np.argsort(labels, kind="stable")
     voxels, labels = voxels[order], labels[order]
     starts = np.searchsorted(labels, np.arange(count))
     if count == 0:
-        return voxels, labels, 0
+        return voxels, labels
     lengths = (np.maximum.reduceat(voxels, starts) - np.minimum.reduceat(voxels, starts)).max(
         axis=1
     )
@@ -183,4 +184,4 @@ def _compact(voxels: Points, labels: Labels, count: int) -> tuple[Points, Labels
     is_object = (sizes >= _MIN_VOXELS) & (lengths >= _MIN_LENGTH) & (lengths <= _MAX_LENGTH)
     selected = is_object[labels]
     new_labels = np.cumsum(is_object) - 1
-    return voxels[selected], new_labels[labels[selected]], int(is_object.sum())
+    return voxels[selected], new_labels[labels[selected]]

@@ -41,7 +41,7 @@ def angle_between(first: Vector, second: Vector) -> float:
     return math.atan2(float(np.linalg.norm(np.cross(first, second))), float(first @ second))
 
 
-def is_evident(ground: Ground) -> bool:
+def is_reliable(ground: Ground) -> bool:
     """Return whether a ground near the z axis is good enough, so that no other is looked for."""
     return bool(
         ground.status is not GroundStatus.NONE
@@ -51,7 +51,7 @@ def is_evident(ground: Ground) -> bool:
     )
 
 
-def likelier_up(points: Points, near_z: Ground) -> Vector | None:
+def dominant_up(points: Points, near_z: Ground) -> Vector | None:
     """Return the upward direction of a cloud if it is not that of the ground near its z axis.
 
     Parameters

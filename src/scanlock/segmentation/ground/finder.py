@@ -19,7 +19,7 @@ from scanlock.errors import InvalidInput, require_count, require_fraction, requi
 from scanlock.geometry.rotations import rotation_onto_z
 from scanlock.kernels.ground.model import extent
 from scanlock.kernels.ground.point_passes import classify_points, rotated_points
-from scanlock.segmentation.ground.attitude import Z_AXIS, angle_between, is_evident, likelier_up
+from scanlock.segmentation.ground.attitude import Z_AXIS, angle_between, dominant_up, is_reliable
 from scanlock.segmentation.ground.base import fit_base_surface
 from scanlock.segmentation.ground.gaussian_process import (
     GaussianProcess,
@@ -125,9 +125,9 @@ class GroundFinder:
         A cloud without ground raises nothing; see `Ground.status` and `Ground.reason`.
         """
         upright = self._find_about(cloud, np.eye(3))
-        if self.max_tilt <= _MAX_CORRECTION or is_evident(upright):
+        if self.max_tilt <= _MAX_CORRECTION or is_reliable(upright):
             return upright
-        up = likelier_up(cloud.measured_points, upright)
+        up = dominant_up(cloud.measured_points, upright)
         if up is None or angle_between(up, Z_AXIS) > self.max_tilt:
             return upright
         ground = self._find_about(cloud, rotation_onto_z(up))
